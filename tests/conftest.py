@@ -119,6 +119,21 @@ def processor(request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 @pytest.fixture
+def ran(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Run `uavrt` in this process; what it printed."""
+    from command_line import Printed, uavrt
+
+    def run(*arguments: object, ends: int = 0) -> Printed:
+        capsys.readouterr()
+        status = uavrt(*map(str, arguments))
+        printed = Printed(*capsys.readouterr())
+        assert status == ends, printed.err
+        return printed
+
+    return run
+
+
+@pytest.fixture
 def ros_domain() -> int:
     """A ROS domain that nobody on this computer uses now."""
     for attempt in range(100):

@@ -17,6 +17,8 @@ RATE_HZ, CENTER_HZ = 24_000.0, 148.7e6
 START_NS = 1_777_615_200_000_000_000
 START = "2026-05-01T06:00:00Z"
 COLUMNS = "path,format,sample_rate_hz,center_frequency_hz,start_time"
+TAG_LINE = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n"
+"""The first of `TAGS` in a text file."""
 TAGS = tuple(
     made.tag(2 * number, CENTER_HZ + offset_hz, interval_s, interval_uncertainty_s=0.02)
     for number, (offset_hz, interval_s) in enumerate(((6e3, 1.21), (-5e3, 1.34)), 1)
@@ -102,3 +104,20 @@ def write_flight(directory: Path, *, length_s: float = 2 * _LEG_S) -> Path:
         poses=poses(length_s),
     )
     return directory
+
+
+def manifest(folder: Path, *names: str) -> Path:
+    """Write of recordings what a batch must be given, all alike."""
+    lines = [COLUMNS, *(f"{name},,{RATE_HZ},{CENTER_HZ},{START}" for name in names)]
+    path = folder / "manifest.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def recorded_flight(folder: Path) -> Path:
+    """Write a flight that turned at two places with a recording; both with a manifest."""
+    flight = write_flight(folder / "flight_a")
+    (flight / "iq").mkdir(exist_ok=True)
+    record(flight / "iq" / "a.cf32", 90.0, 1, tags=TAGS[:1], amplitude=heard_amplitude)
+    manifest(folder, "flight_a/iq/a.cf32")
+    return flight

@@ -1,9 +1,11 @@
 """The command line run in this process or by itself, and other programs."""
 
+import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from uavrt.cli.app import run
 
@@ -19,6 +21,27 @@ def uavrt(*arguments: str) -> int:
     finally:
         sys.argv = before
     return 0
+
+
+class Printed(NamedTuple):
+    """What a command printed."""
+
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Its output, read as JSON."""
+        return json.loads(self.out)
+
+    @property
+    def words(self) -> str:
+        """Both streams without line breaks, which depend on the width of the terminal."""
+        return " ".join((self.out + self.err).split())
+
+
+Ran = Callable[..., Printed]
+"""The fixture `ran`: runs `uavrt`, checks the status that it `ends` with; what it printed."""
 
 
 def program(*words: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:

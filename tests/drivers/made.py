@@ -38,6 +38,7 @@ from uavrt.detection.detector import PulseDetector
 from uavrt.drone.supervisor.mission.operator_commands import Mission
 from uavrt.drone.supervisor.mission.saved_state import StateStore
 from uavrt.flight.flight_recorder import FlightRecorder
+from uavrt.flight.reading.flight_reader import Flight as RecordedFlight
 from uavrt.guidance.files.mission import (
     ABSOLUTE_FRAME,
     CIRCLE_OUTSIDE,
@@ -181,6 +182,20 @@ def flight(
     recorder.write_pulses(pulses)
     recorder.close()
     return Path(info.directory)
+
+
+def recorded_flight(
+    info: FlightInfo, poses: Iterable[Pose], pulse_poses: Iterable[PulsePose] = ()
+) -> RecordedFlight:
+    """Make what is read of a flight, without a file."""
+    return RecordedFlight(
+        info=info,
+        settings_json=None,
+        pulse_poses=tuple(pulse_poses),
+        poses=tuple(poses),
+        status_texts=(),
+        notes=(),
+    )
 
 
 def search_report(tag_id: int, time_ns: int, **fields: Any) -> SearchReport:

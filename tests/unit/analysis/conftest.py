@@ -66,6 +66,13 @@ def sent(scenario: Scenario) -> list[tuple[TruePulse, Pose]]:
     ]
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let reports have the names of their pictures in place of the pictures."""
+    page = "uavrt.analysis.report.report_page._picture"
+    monkeypatch.setattr(page, lambda picture: picture.name)
+
+
 @pytest.fixture(scope="session")
 def scenario_of() -> Callable[[int], Scenario]:
     """The world of the flights, by its number of tags."""

@@ -1,22 +1,20 @@
 """Patterns from files, and patterns that a flight teaches."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import Ran
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.analysis.estimates.bearings import learnt_antenna, read_recorded
 from uavrt.analysis.measure.antenna_files import antenna_named, read_antenna, write_antenna
-from uavrt.cli.app import app
 from uavrt.core.errors import ConfigError, FormatError, UsageError
 from uavrt.localization.antenna import PATTERNS
 from uavrt.simulation.scene.antenna import Antenna
 from uavrt.simulation.scene.scenario import Scenario
-
-WriteFlight = Callable[..., Path]
 
 
 def test_a_pattern_comes_back_from_its_file(tmp_path: Path) -> None:
@@ -75,7 +73,7 @@ def test_a_flight_teaches_the_antenna_as_it_is_on_the_airframe(
     write_flight: WriteFlight,
     scenario_of: Callable[[int], Scenario],
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    ran: Ran,
 ) -> None:
     """Three turns past four tags; the true antenna has 4 dB less behind than its table."""
     true = np.array(PATTERNS["RA-23K"].e_plane_db)
@@ -84,9 +82,7 @@ def test_a_flight_teaches_the_antenna_as_it_is_on_the_airframe(
     scenario = replace(scenario_of(4), antenna=mounted)
     flight = write_flight(scenario=scenario, tags=4, heard=4, name="flight_log_learn")
     table = tmp_path / "learnt.csv"
-    with pytest.raises(SystemExit):
-        app(["bearing", str(flight), "--learn", str(table), "--json"])
-    assert len(json.loads(capsys.readouterr().out)) == 12
+    assert len(ran("bearing", flight, "--learn", table, "--json").json) == 12
     angle = np.arange(0.0, 181.0, 10.0)
     before = PATTERNS["RA-23K"].gain_db(angle) - true
     after = read_antenna(table).gain_db(angle) - true

@@ -9,6 +9,7 @@ from typing import Any
 import made
 import msgspec
 import pytest
+from command_line import Ran
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
@@ -17,7 +18,6 @@ from some import some
 from sql import sql
 
 from uavrt.analysis.measure.bag import export_bag
-from uavrt.cli.app import app
 from uavrt.config.settings import AntennaSettings, Settings
 from uavrt.core.errors import FormatError, UsageError
 from uavrt.core.messages import Command, CommandReply, Pose, Pulse, PulsePose, StatusText
@@ -236,9 +236,7 @@ def test_a_settings_record_travels_as_the_recorder_writes_it(flight: Path) -> No
 
 
 def test_the_command_writes_into_the_flight_and_lists_the_topics(
-    flight: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, ran: Ran
 ) -> None:
-    app(["export", str(flight), "--mcap"], result_action="return_value")
-    printed = capsys.readouterr().out
-    assert "30  /pulse_pose" in printed
+    assert "30  /pulse_pose" in ran("export", flight, "--mcap").out
     assert (flight / "bag" / "bag_0.mcap").exists()

@@ -1,110 +1,80 @@
 """From a recorded flight to bearings and positions, by library and by command."""
 
 import csv
-import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import command_line
 import made
 import numpy as np
 import pytest
+from command_line import Ran
 from file_bearings import read_bearings
-from pulses import pulse_at
 from some import some
 from tests.unit.analysis.test_tags_of_several_logs import as_log
+from turned import turns
 
 from uavrt.analysis.estimates.bearings import heard_in_flight
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.report.report_words import bearing_table
 from uavrt.analysis.survey import read_survey
-from uavrt.cli.app import app
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import FormatError, UsageError
-from uavrt.core.messages import Pose, PulsePose, Tag
+from uavrt.core.messages import PulsePose
 from uavrt.flight.reading.flight_reader import Flight
 from uavrt.formats.pulses.tagtracker import write_tagtracker
 from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.estimates.flight_estimates import EstimationOptions, bearings_of
 from uavrt.localization.estimates.heard import Heard
+from uavrt.localization.results import Position
 
 PLANE = TangentPlane(latitude_deg=35.18, longitude_deg=-111.66)
 START_NS = 1_700_000_000_000_000_000
 TAG = (150.0, 420.0)
 STATIONS = ((-250.0, 0.0), (0.0, 0.0), (250.0, 30.0))
-INTERVAL_S = 1.25
-TURN_S = 50.0
-LEG_S = 40.0
+TURN_S, LEG_S = 50.0, 40.0
+WAY = turns(
+    STATIONS,
+    turn_s=TURN_S,
+    way_s=LEG_S,
+    rest_s=0.0,
+    yaw_deg=30.0,
+    plane=PLANE,
+    start_ns=START_NS,
+)
 
 
-def place(time_s: float) -> tuple[float, float, float]:
-    """East, north, heading: a turn at each station, flights between them."""
-    index, within = divmod(time_s, TURN_S + LEG_S)
-    here = STATIONS[min(int(index), 2)]
-    there = STATIONS[min(int(index) + 1, 2)]
-    part = max(0.0, within - TURN_S) / LEG_S
-    east, north = (a + part * (b - a) for a, b in zip(here, there, strict=True))
-    return east, north, 30.0 + 360.0 * min(1.0, within / TURN_S)
-
-
-def pose_at(time_s: float, offset_deg: float = 0.0) -> Pose:
-    east, north, heading = place(time_s)
-    latitude, longitude = PLANE.to_geodetic(east, north)
-    half = math.radians(heading + offset_deg) / 2
-    return made.pose(
-        START_NS + round(time_s * 1e9),
-        latitude,
-        longitude,
-        altitude_amsl_m=2140.0,
-        quaternion_wxyz=(math.cos(half), 0.0, 0.0, math.sin(half)),
-    )
-
-
-def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0, seed: int = 4) -> Flight:
+def flown(*, offset_deg: float = 0.0, threshold_db: float = 8.0) -> Flight:
     """A flight with one tag; weak pulses are not heard."""
-    rng = np.random.default_rng(seed)
-    seconds = 3 * TURN_S + 2 * LEG_S
+    rng = np.random.default_rng(4)
     pulses = []
-    for number, time in enumerate(np.arange(0.4, seconds - 1, INTERVAL_S)):
-        east, north, heading = place(time)
-        bearing = math.degrees(math.atan2(TAG[0] - east, TAG[1] - north))
-        gain = PATTERNS["RA-23K"].gain_db([bearing - heading - offset_deg])[0]
-        snr = 24.0 + gain + rng.normal(0, 2.0)
-        if snr < threshold_db:
-            continue
-        start_ns = START_NS + round(time * 1e9)
-        pulse = pulse_at(
-            start_ns,
-            frequency_hz=148e6,
-            snr_db=float(snr),
-            group_sequence=number,
-            noise_psd=1e-10,
-        )
-        pulses.append(PulsePose(pulse=pulse, pose=pose_at(time, offset_deg)))
-    tag = Tag(tag_id=2, frequency_hz=148e6, pulse_width_s=0.02, pulse_intervals_s=(INTERVAL_S,))
+    for time in np.arange(0.4, WAY.end_s - 1, 1.25):
+        gain = float(PATTERNS["RA-23K"].gain_db(WAY.seen(time, TAG)[0] - offset_deg))
+        snr_db = 24.0 + gain + rng.normal(0, 2.0)
+        if snr_db >= threshold_db:
+            pose = WAY.pose(time, offset_deg=offset_deg)
+            pulses.append(WAY.pulse(time, snr_db, pose, frequency_hz=148e6, noise_psd=1e-10))
+    tag = made.tag(2, 148e6, 1.25)
     info = made.flight_info("here", (tag,), start_time_ns=START_NS, center_frequency_hz=148e6)
-    return Flight(
-        info=info,
-        settings_json=None,
-        pulse_poses=tuple(pulses),
-        poses=tuple(pose_at(float(time)) for time in np.arange(0.0, seconds, 0.25)),
-        status_texts=(),
-        notes=(),
-    )
+    return made.recorded_flight(info, WAY.poses(), pulses)
 
 
 def true_bearing(number: int) -> float:
-    east, north = STATIONS[number]
+    return from_there(*STATIONS[number])
+
+
+def from_there(east: float, north: float) -> float:
+    """True direction to the tag."""
     return math.degrees(math.atan2(TAG[0] - east, TAG[1] - north))
 
 
-def test_a_positions_csv_gives_what_is_in_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def off_m(found: Position) -> float:
+    return math.dist(PLANE.to_local(found.latitude_deg, found.longitude_deg), TAG)
+
+
+def test_a_positions_csv_gives_what_is_in_it(tmp_path: Path, ran: Ran) -> None:
     path = tmp_path / "positions.csv"
     path.write_text(
         "2,bearings.csv,35.1,-111.6,35.2,-111.7,NaN,NaN,\n3,bearings.csv,36.1,-112.6,,,,,\n"
@@ -117,9 +87,8 @@ def test_a_positions_csv_gives_what_is_in_it(
     ]
     (only,) = read_positions(path, how=EstimationOptions(method="rmr"))
     assert some(only.position).latitude_deg == 35.2
-    with pytest.raises(SystemExit):
-        app(["localize", str(path)])
-    assert "tag 2: 35.10000, -111.60000, mle, read from the file" in capsys.readouterr().out
+    told = ran("localize", path).out
+    assert "tag 2: 35.10000, -111.60000, mle, read from the file" in told
 
 
 @pytest.mark.parametrize("offset_deg", [0.0, 90.0])
@@ -167,15 +136,19 @@ BEARINGS = """\
 """
 
 
-@pytest.mark.parametrize("method", ["mle", "rmr", "mest", "bayes"])
-def test_a_bearings_csv_of_the_original_gives_positions(tmp_path: Path, method: str) -> None:
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """Bearings as the original program lists them."""
     path = tmp_path / "bearings.csv"
     path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    positions = read_positions(path, how=EstimationOptions(method=method))
+    return path
+
+
+@pytest.mark.parametrize("method", ["mle", "rmr", "mest", "bayes"])
+def test_a_bearings_csv_of_the_original_gives_positions(table: Path, method: str) -> None:
+    positions = read_positions(table, how=EstimationOptions(method=method))
     assert [one.tag_id for one in positions] == [2, 7]
-    found = some(positions[0].position)
-    east, north = PLANE.to_local(found.latitude_deg, found.longitude_deg)
-    assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 12.0
+    assert off_m(some(positions[0].position)) < 12.0
     if method != "bayes":
         assert positions[1].position is None
         assert "two" in (positions[1].reason or "")
@@ -210,12 +183,9 @@ def test_pulse_logs_several_flights_and_a_folder_give_positions(tmp_path: Path) 
         parts.append(part)
     for given in ([tmp_path / "archive"], parts):
         (found,) = read_positions(*given)
-        assert found.position is not None
-        assert found.position.stations == 3
-        east, north = PLANE.to_local(found.position.latitude_deg, found.position.longitude_deg)
-        assert found.position.radius95_m is not None
-        away_m = math.hypot(float(east) - TAG[0], float(north) - TAG[1])
-        assert away_m < min(60.0, found.position.radius95_m)
+        position = some(found.position)
+        assert position.stations == 3
+        assert off_m(position) < min(60.0, some(position.radius95_m))
     assert some(alone.position).stations == 3
     (one,) = read_positions(parts[0])
     assert some(one.position).stations == 1
@@ -231,41 +201,27 @@ def test_a_line_that_is_no_bearing_is_named(tmp_path: Path) -> None:
         read_positions(path)
 
 
-Run = Callable[..., str]
-
-
-@pytest.fixture
-def uavrt(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Run a command in this process; what it prints."""
-
-    def run(*arguments: str) -> str:
-        assert command_line.uavrt(*arguments) == 0
-        return capsys.readouterr().out
-
-    return run
-
-
-def test_the_commands_print_lists_for_other_programs(uavrt: Run, tmp_path: Path) -> None:
+def test_the_commands_print_lists_for_other_programs(
+    ran: Ran, table: Path, tmp_path: Path
+) -> None:
     pulses = as_log(tmp_path / "flight.csv.jsonl", flown().pulse_poses)
-    bearings = json.loads(uavrt("bearing", str(pulses), "--method", "ls_db", "--json"))
-    assert [set(one) >= {"tag_id", "bearing_deg", "sigma_deg", "method"} for one in bearings]
-    path = tmp_path / "bearings.csv"
-    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
-    (position, _) = json.loads(uavrt("localize", str(path), "--json"))
+    bearings = ran("bearing", pulses, "--method", "ls_db", "--json").json
+    assert len(bearings) == 3
+    for one in bearings:
+        assert set(one) >= {"tag_id", "bearing_deg", "sigma_deg", "method"}
+    (position, _) = ran("localize", table, "--json").json
     assert position["tag_id"] == 2
     assert position["method"] == "bayes"
     assert 0 < position["radius50_m"] < position["radius95_m"]
-    assert "tag 7" in uavrt("localize", str(path), "--method", "mle")
+    assert "tag 7" in ran("localize", table, "--method", "mle").out
 
 
 def test_localize_names_tags_and_says_what_cannot_be_checked(
-    uavrt: Run, tmp_path: Path
+    ran: Ran, table: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "bearings.csv"
-    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
     listed = tmp_path / "TagInfo.txt"
     listed.write_text("2, lynx, 148700000, 1254, 0, 20, 60, 10, 3, 0.01\n", encoding="utf-8")
-    told = uavrt("localize", str(path), "--tags", str(listed))
+    told = ran("localize", table, "--tags", listed).out
     assert "tag 2 (lynx): " in told
     assert "tag 7: " in told
     assert "cannot be checked" in told
@@ -275,25 +231,25 @@ def mounted_across(tmp_path: Path) -> Path:
     """A pulse log of an antenna that points to the right, which the headings leave out."""
     pulses = [one.pulse for one in flown(offset_deg=90.0, threshold_db=-20.0).pulse_poses]
     of_the_drone = [
-        PulsePose(pulse=one, pose=pose_at((one.start_time_ns - START_NS) * 1e-9))
+        PulsePose(pulse=one, pose=WAY.pose((one.start_time_ns - START_NS) * 1e-9))
         for one in pulses
     ]
-    return as_log(tmp_path / "flight.jsonl", tuple(of_the_drone))
+    return as_log(tmp_path / "flight.jsonl", of_the_drone)
 
 
 def test_every_command_that_makes_bearings_takes_the_offset_and_tells_the_same_of_them(
-    uavrt: Run, tmp_path: Path
+    ran: Ran, tmp_path: Path
 ) -> None:
     log = mounted_across(tmp_path)
     told = ("--antenna-offset", "90")
-    bearings = json.loads(uavrt("bearing", str(log), *told, "--json"))
+    bearings = ran("bearing", log, *told, "--json").json
     assert len(bearings) == 3
     for number, one in enumerate(bearings):
         assert abs(difference_deg(one["bearing_deg"], true_bearing(number))) < 10.0
-    (position,) = json.loads(uavrt("localize", str(log), *told, "--json"))
-    east, north = PLANE.to_local(position["latitude_deg"], position["longitude_deg"])
-    assert math.hypot(float(east) - TAG[0], float(north) - TAG[1]) < 40.0
-    uavrt("export", str(log), *told, "--format", "csv", "-o", str(tmp_path / "export"))
+    (position,) = ran("localize", log, *told, "--json").json
+    place = PLANE.to_local(position["latitude_deg"], position["longitude_deg"])
+    assert math.dist(place, TAG) < 40.0
+    ran("export", log, *told, "--format", "csv", "-o", tmp_path / "export")
     with (tmp_path / "export" / "fixes.csv").open(encoding="utf-8") as stream:
         (fix,) = csv.DictReader(stream)
     assert float(fix["latitude_deg"]) == pytest.approx(position["latitude_deg"], abs=1e-6)
@@ -306,15 +262,13 @@ def test_every_command_that_makes_bearings_takes_the_offset_and_tells_the_same_o
     for one, row in zip(bearings, bearing_table(survey)[1], strict=True):
         assert row[-1] == ("; ".join(one["remarks"]) or "clear")
     for remark in one["remarks"]:
-        assert remark in uavrt("bearing", str(log), *told)
-    assert position["remarks"][-1] in uavrt("localize", str(log), *told)
+        assert remark in ran("bearing", log, *told).out
+    assert position["remarks"][-1] in ran("localize", log, *told).out
 
 
-def test_bearings_that_are_made_already_are_not_turned_again(tmp_path: Path) -> None:
-    path = tmp_path / "bearings.csv"
-    path.write_text(BEARINGS.format(*map(true_bearing, range(3))), encoding="utf-8")
+def test_bearings_that_are_made_already_are_not_turned_again(table: Path) -> None:
     with pytest.raises(UsageError, match="antenna offset"):
-        read_positions(path, how=EstimationOptions(offset_deg=90.0))
+        read_positions(table, how=EstimationOptions(offset_deg=90.0))
 
 
 def test_a_turn_that_the_autopilot_says_was_landed_has_no_bearing() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from depth import share
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.cli.prediction.coverage import coverage
 from uavrt.cli.results.report import report
@@ -19,13 +20,12 @@ from uavrt.localization.terrain.elevation_files import open_elevation
 from uavrt.simulation.scene.scenario_file import load_scenario
 from uavrt.simulation.scene.world import World
 
-WriteFlight = Callable[..., Path]
 HOME = (35.178241, -111.656587)
 
 
 def write_hills(folder: Path, *, amsl_m: float = 2107.0) -> Path:
     """A tile around the demo's home with a ridge 900 m to the east of it."""
-    side = 3601
+    side = 1201
     east_m = (np.arange(side) / (side - 1) - (HOME[1] + 112.0)) * 90_900.0
     ridge = 150.0 * np.exp(-(((east_m - 900.0) / 150.0) ** 2))
     heights = np.broadcast_to(amsl_m + ridge, (side, side)).astype(">i2")
@@ -44,34 +44,32 @@ def outline(path: Path, west_m: float, east_m: float, reach_m: float = 300.0) ->
     return path
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
-    records = json.loads(capsys.readouterr().out)
-    assert isinstance(records, list)
-    return records
+Told = Callable[..., list[dict[str, Any]]]
 
 
-def test_a_plan_over_hills_is_mapped_for_several_heights(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.fixture
+def told(capsys: pytest.CaptureFixture[str]) -> Told:
+    """Run `uavrt coverage`; what it tells other programs."""
+
+    def run(what: Path, **options: Any) -> list[dict[str, Any]]:
+        capsys.readouterr()
+        coverage(what, as_json=True, **options)
+        records: list[dict[str, Any]] = json.loads(capsys.readouterr().out)
+        return records
+
+    return run
+
+
+def test_a_plan_over_hills_is_mapped_for_several_heights(tmp_path: Path, told: Told) -> None:
     hills = write_hills(tmp_path)
     plan = outline(tmp_path / "area.geojson", -300.0, 300.0)
     beyond = outline(tmp_path / "beyond.geojson", 1200.0, 1600.0)
-    coverage(
-        plan,
-        tag_power=-50.0,
-        dem=hills,
-        area=beyond,
-        height=(30.0, 110.0),
-        cell=50.0,
-        margin=1500.0,
-        output=tmp_path / "maps",
-        as_json=True,
-    )
-    low, high = told(capsys)
+    usual = {"tag_power": -50.0, "area": beyond, "cell": 50.0, "margin": 1500.0}
+    low, high = told(plan, **usual, dem=hills, height=(30.0, 110.0), output=tmp_path / "maps")
     assert (low["height_m"], high["height_m"]) == (30.0, 110.0)
     assert high["best"]
     assert not low["best"]
-    assert float(str(low["mean_probability"])) < float(str(high["mean_probability"]))
+    assert low["mean_probability"] < high["mean_probability"]
     assert low["limitations"] == []
     # The GeoTIFF stands where the map is, and is dark behind the ridge.
     raster = open_elevation(tmp_path / "maps" / "coverage_tag_2_30m.tif")
@@ -83,22 +81,13 @@ def test_a_plan_over_hills_is_mapped_for_several_heights(
     assert picture[:4] == b"\x89PNG"
     # With axes, scale and colours beside the map, at a size that can be read.
     assert int.from_bytes(picture[16:20], "big") >= 1000
-    coverage(
-        plan,
-        tag_power=-50.0,
-        area=beyond,
-        height=(30.0,),
-        cell=50.0,
-        margin=1500.0,
-        as_json=True,
-    )
-    (level,) = told(capsys)
-    assert float(str(level["area_probability"])) > float(str(low["area_probability"])) + 0.1
+    (level,) = told(plan, **usual, height=(30.0,))
+    assert level["area_probability"] > low["area_probability"] + 0.1
     assert "level" in str(level["limitations"])
 
 
 def test_a_flight_tells_where_a_silent_tag_is_not(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    write_flight: WriteFlight, tmp_path: Path, told: Told
 ) -> None:
     flight = write_flight(tags=2, heard=1)
     hills = write_hills(tmp_path)
@@ -106,33 +95,31 @@ def test_a_flight_tells_where_a_silent_tag_is_not(
     beyond = outline(tmp_path / "beyond.geojson", 1300.0, 1800.0)
     found = {}
     for area in (here, beyond):
-        coverage(
-            flight, tag_power=-50.0, dem=hills, area=area, prior=0.5, cell=50.0, as_json=True
+        heard, silent = told(
+            flight, tag_power=-50.0, dem=hills, area=area, prior=0.5, cell=50.0
         )
-        heard, silent = told(capsys)
-        assert int(str(heard["heard_pulses"])) > 10
+        assert heard["heard_pulses"] > 10
         assert heard["not_here"] is None
-        found[area.stem] = float(str(silent["not_here"]))
+        found[area.stem] = silent["not_here"]
     assert found["here"] > 0.95
     assert 0.5 <= found["beyond"] < 0.75
 
 
 def test_elevation_files_of_another_place_are_a_limitation_and_no_zero(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    write_flight: WriteFlight, tmp_path: Path, told: Told
 ) -> None:
     flight = write_flight(tags=2, heard=1)
     write_hills(tmp_path)
     (tmp_path / "N35W112.hgt").rename(tmp_path / "N47E008.hgt")
-    coverage(flight, tag_power=-50.0, dem=tmp_path, cell=50.0, as_json=True)
-    records = told(capsys)
+    records = told(flight, tag_power=-50.0, dem=tmp_path, cell=50.0)
     assert len(records) == 2
     for record in records:
         assert "do not cover the flight path" in str(record["limitations"])
-        assert float(str(record["mean_probability"])) > 0.1
+        assert record["mean_probability"] > 0.1
 
 
 def test_shares_and_area_are_of_the_ground_that_is_known(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, told: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
     side, void = 3601, -32768
     heights = np.full((side, side), void, ">i2")
@@ -140,22 +127,25 @@ def test_shares_and_area_are_of_the_ground_that_is_known(
     heights[row - 20 : row + 21, column - 20 : column + 21] = 2107  # 1.26 km by 1.03 km
     (tmp_path / "N35W112.hgt").write_bytes(heights.tobytes())
     plan = outline(tmp_path / "area.geojson", -200.0, 200.0)
-    coverage(plan, tag_power=-25.0, dem=tmp_path, height=(60.0,), cell=50.0, as_json=True)
-    (record,) = told(capsys)
+    usual: dict[str, Any] = {
+        "tag_power": -25.0,
+        "dem": tmp_path,
+        "height": (60.0,),
+        "cell": 50.0,
+    }
+    (record,) = told(plan, **usual)
     assert record["unknown_share"] == pytest.approx(0.93, abs=0.05)
     assert record["share90"] == 1.0
     assert record["map_km2"] == pytest.approx(1.3, abs=0.2)
-    coverage(plan, tag_power=-25.0, dem=tmp_path, height=(60.0,), cell=50.0)
+    coverage(plan, **usual)
     assert f"on 100 % of {record['map_km2']:.1f} km²" in capsys.readouterr().out
 
 
-def test_another_datum_is_named(
-    write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_another_datum_is_named(write_flight: WriteFlight, tmp_path: Path, told: Told) -> None:
     flight = write_flight(tags=2, heard=1)
     hills = write_hills(tmp_path, amsl_m=2107.0 - 31.0)
-    coverage(flight, tag_power=-50.0, dem=hills, cell=50.0, as_json=True)
-    assert "datums differ" in str(told(capsys)[0]["limitations"])
+    first, _ = told(flight, tag_power=-50.0, dem=hills, cell=50.0)
+    assert "datums differ" in str(first["limitations"])
 
 
 def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> None:
@@ -171,15 +161,14 @@ def test_a_cut_off_tile_and_a_file_without_places_are_named(tmp_path: Path) -> N
     (tmp_path / "other.kml").write_text("<kml></kml>")
     with pytest.raises(FormatError, match="contains no usable area"):
         coverage(tmp_path / "other.kml", tag_power=-50.0)
-    far = outline(tmp_path / "far.geojson", 30_000.0, 31_000.0)
-    with pytest.raises(UsageError, match=r"lies 2\d,\d\d\d m beyond the map"):
-        coverage(plan, tag_power=-50.0, area=far)
-    elsewhere = outline(tmp_path / "elsewhere.geojson", 3e6, 3.001e6)
-    with pytest.raises(UsageError, match=r"km beyond the map.*not swapped"):
-        coverage(plan, tag_power=-50.0, area=elsewhere)
-    small = outline(tmp_path / "small.geojson", 3.0, 4.0)
-    with pytest.raises(UsageError, match="no map cell"):
-        coverage(plan, tag_power=-50.0, area=small)
+    for west_m, east_m, says in (
+        (30_000.0, 31_000.0, r"lies 2\d,\d\d\d m beyond the map"),
+        (3e6, 3.001e6, r"km beyond the map.*not swapped"),
+        (3.0, 4.0, "no map cell"),
+    ):
+        area = outline(tmp_path / "other.geojson", west_m, east_m)
+        with pytest.raises(UsageError, match=says):
+            coverage(plan, tag_power=-50.0, area=area)
     with pytest.raises(ConfigError, match="--sea has no effect without elevation files"):
         coverage(plan, tag_power=-50.0, sea=True)
     (tmp_path / "pictures").mkdir()
@@ -215,10 +204,12 @@ def test_a_scenario_file_flies_over_hills(tmp_path: Path) -> None:
     assert levels[0] < levels[1] - 15.0
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("antenna", share(["H3", None], 2))
 def test_the_flights_own_antenna_is_that_of_report_and_command(
     write_flight: WriteFlight,
     tmp_path: Path,
+    told: Told,
     capsys: pytest.CaptureFixture[str],
     antenna: str | None,
 ) -> None:
@@ -227,13 +218,12 @@ def test_the_flights_own_antenna_is_that_of_report_and_command(
         own = replace(Settings().bearings, antenna=antenna)
         settings = replace(Settings(), bearings=own)
     flight = write_flight(tags=1, heard=1, settings=settings)
-    coverage(flight, tag_power=-60.0, as_json=True)
-    (said,) = told(capsys)
+    (said,) = told(flight, tag_power=-60.0)
     assert said["antenna"] == (antenna or "RA-23K")
     coverage(flight, tag_power=-60.0, antenna="monopole")
     whip = capsys.readouterr().out
     assert "antenna: monopole, alike on all sides" in whip
-    mean = float(str(said["mean_probability"]))
+    mean = said["mean_probability"]
     assert f"{100.0 * mean:.0f} % on average" not in whip
     report(flight, tag_power=-60.0, pdf=False, output=tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")

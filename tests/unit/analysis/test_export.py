@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,6 +22,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import TiffImageFile
 from some import some
 from sql import sql
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.analysis.export.csv_tables import movebank_csv, movebank_reference_csv
 from uavrt.analysis.export.geotiff_export import geotiff_bytes
@@ -35,8 +37,6 @@ from uavrt.formats.bearings_csv import read_bearing_file
 from uavrt.formats.positions_csv import read_position_file
 from uavrt.localization.results import Caution, PositionGrid
 from uavrt.simulation.scene.scenario import Scenario
-
-WriteFlight = Callable[..., Path]
 
 # GPX 1.1, of its schema what we write and its order (topografix.com/GPX/1/1/gpx.xsd).
 GPX_SCHEMA = """
@@ -84,14 +84,30 @@ def survey(write_flight: WriteFlight) -> Survey:
     return read_survey(write_flight())
 
 
+@pytest.fixture(scope="module")
+def files(survey: Survey, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The survey in every format."""
+    return exported(survey, tmp_path_factory.mktemp("out"))
+
+
+def rows_of(table: bytes | str) -> list[dict[str, str]]:
+    text = table if isinstance(table, str) else table.decode()
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def features_of(files: dict[str, bytes], layer: str) -> list[dict[str, Any]]:
+    """Properties of what lies in a layer of the GeoJSON file."""
+    features = json.loads(files["flight.geojson"])["features"]
+    return [one["properties"] for one in features if one["properties"]["layer"] == layer]
+
+
 def exported(survey: Survey, directory: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in export_survey(survey, directory)}
 
 
 def test_every_format_is_written_and_says_where_the_tag_is(
-    survey: Survey, tmp_path: Path
+    survey: Survey, files: dict[str, bytes]
 ) -> None:
-    files = exported(survey, tmp_path / "out")
     assert survey.tag_ids == (2, 3)
     found = some(survey.position_of(2))
     place = f"{some(found.position).latitude_deg:.4f}"
@@ -100,8 +116,8 @@ def test_every_format_is_written_and_says_where_the_tag_is(
     assert set(files) >= {"flight.kmz", "flight.gpkg", "heat_tag_2.tif", "Pulse-uavrt.csv"}
 
 
-def test_geojson_follows_rfc_7946(survey: Survey, tmp_path: Path) -> None:
-    collection = json.loads(exported(survey, tmp_path)["flight.geojson"])
+def test_geojson_follows_rfc_7946(files: dict[str, bytes]) -> None:
+    collection = json.loads(files["flight.geojson"])
     assert collection["type"] == "FeatureCollection"
     assert "crs" not in collection
     layers = {feature["properties"]["layer"] for feature in collection["features"]}
@@ -164,17 +180,15 @@ def test_an_area_around_a_pole_reaches_up_to_it(latitude: float, first: float) -
     assert sum(areas) == pytest.approx(36.0)
 
 
-def test_gpx_is_valid_by_its_schema(survey: Survey, tmp_path: Path) -> None:
-    content = exported(survey, tmp_path)["flight.gpx"]
+def test_gpx_is_valid_by_its_schema(files: dict[str, bytes]) -> None:
+    content = files["flight.gpx"]
     schema = etree.XMLSchema(etree.fromstring(GPX_SCHEMA))
     schema.assertValid(etree.fromstring(content))
     assert content.count(b"<trkpt") == pytest.approx(240, abs=2)
 
 
-def test_kmz_opens_without_network_and_carries_what_it_names(
-    survey: Survey, tmp_path: Path
-) -> None:
-    archive = zipfile.ZipFile(io.BytesIO(exported(survey, tmp_path)["flight.kmz"]))
+def test_kmz_opens_without_network_and_carries_what_it_names(files: dict[str, bytes]) -> None:
+    archive = zipfile.ZipFile(io.BytesIO(files["flight.kmz"]))
     assert archive.testzip() is None
     assert archive.namelist()[0] == "doc.kml"
     text = archive.read("doc.kml").decode()
@@ -195,17 +209,17 @@ def test_kmz_opens_without_network_and_carries_what_it_names(
     assert np.asarray(picture)[..., 3].max() > 150
 
 
-def test_another_library_reads_the_gpx_as_it_was_meant(survey: Survey, tmp_path: Path) -> None:
+def test_another_library_reads_the_gpx_as_it_was_meant(
+    survey: Survey, files: dict[str, bytes]
+) -> None:
     import gpxpy
 
-    text = exported(survey, tmp_path)["flight.gpx"].decode()
-    read = gpxpy.parse(text)
+    read = gpxpy.parse(files["flight.gpx"].decode())
     assert read.version == "1.1"
-    found = some(survey.position_of(2))
-    assert found.position is not None
+    found = some(some(survey.position_of(2)).position)
     (waypoint,) = read.waypoints
-    assert waypoint.latitude == pytest.approx(found.position.latitude_deg, abs=1e-7)
-    assert waypoint.longitude == pytest.approx(found.position.longitude_deg, abs=1e-7)
+    assert waypoint.latitude == pytest.approx(found.latitude_deg, abs=1e-7)
+    assert waypoint.longitude == pytest.approx(found.longitude_deg, abs=1e-7)
     (track,) = read.tracks
     points = [point for segment in track.segments for point in segment.points]
     assert len(points) > 200
@@ -264,9 +278,8 @@ def test_geopackage_has_its_identity_its_tables_and_geometries_that_can_be_read(
         assert kinds["time"] == "DATETIME"
         (time,) = database.execute(f"SELECT max(time) FROM {table}").fetchone()
         assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", time)
-    found = some(survey.position_of(2))
-    assert found.position is not None
-    expected = (found.position.longitude_deg, found.position.latitude_deg)
+    found = some(some(survey.position_of(2)).position)
+    expected = (found.longitude_deg, found.latitude_deg)
     assert struct.unpack_from("<dd", blob, 13) == expected
     database.close()
 
@@ -300,14 +313,11 @@ def test_the_geotiff_lies_where_the_map_lies_and_is_read_by_another_library(
     keys = picture.tag_v2[34735]
     assert (2048, 0, 1, 4326) in {tuple(keys[i : i + 4]) for i in range(0, len(keys), 4)}
     row, column = np.unravel_index(np.argmax(pixels), pixels.shape)
-    found = some(survey.position_of(2))
-    assert found.position is not None
-    assert west + (column + 0.5) * scale_x == pytest.approx(
-        found.position.longitude_deg, abs=2 * scale_x
-    )
-    assert north - (row + 0.5) * scale_y == pytest.approx(
-        found.position.latitude_deg, abs=2 * scale_y
-    )
+    found = some(some(survey.position_of(2)).position)
+    east = west + (column + 0.5) * scale_x
+    assert east == pytest.approx(found.longitude_deg, abs=2 * scale_x)
+    south = north - (row + 0.5) * scale_y
+    assert south == pytest.approx(found.latitude_deg, abs=2 * scale_y)
 
 
 def test_a_geotiffs_first_row_is_the_north_whichever_way_the_grid_runs() -> None:
@@ -333,10 +343,9 @@ def test_csv_comes_back_as_it_was(survey: Survey, tmp_path: Path) -> None:
     back = read_pulse_file(tmp_path / "pulses.csv")
     assert [one.pulse for one in back] == [one.pulse for one in survey.pulse_poses]
     for again, one in zip(read_pulses(tmp_path / "Pulse-uavrt.csv"), back, strict=True):
-        assert again.pose is not None
-        assert one.pose is not None
-        assert again.pose.latitude_deg == pytest.approx(one.pose.latitude_deg, abs=1e-7)
-        assert again.pose.longitude_deg == pytest.approx(one.pose.longitude_deg, abs=1e-7)
+        pose, own = some(again.pose), some(one.pose)
+        assert pose.latitude_deg == pytest.approx(own.latitude_deg, abs=1e-7)
+        assert pose.longitude_deg == pytest.approx(own.longitude_deg, abs=1e-7)
         assert abs(again.pulse.start_time_ns - one.pulse.start_time_ns) <= 500
     bearings = read_bearing_file(tmp_path / "bearings.csv")
     assert len(bearings) == len(survey.bearings) == 3
@@ -345,9 +354,8 @@ def test_csv_comes_back_as_it_was(survey: Survey, tmp_path: Path) -> None:
     assert position.mest is not None
 
 
-def test_movebank_rows_have_its_columns(survey: Survey, tmp_path: Path) -> None:
-    text = exported(survey, tmp_path)["movebank.csv"].decode()
-    (row,) = csv.DictReader(io.StringIO(text))
+def test_movebank_rows_have_its_columns(survey: Survey, files: dict[str, bytes]) -> None:
+    (row,) = rows_of(files["movebank.csv"])
     assert row["individual-local-identifier"] == "Kiwi & <Chick>"
     assert row["sensor-type"] == "radio-transmitter"
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}", row["timestamp"])
@@ -355,7 +363,7 @@ def test_movebank_rows_have_its_columns(survey: Survey, tmp_path: Path) -> None:
     assert row["location-error-percentile"] == "95"
     assert row["algorithm-marked-outlier"] == "false"
     assert all(cell for cell in row.values()), "no column is empty"
-    worn = list(csv.DictReader(io.StringIO(movebank_reference_csv(survey))))
+    worn = rows_of(movebank_reference_csv(survey))
     assert [one["tag-id"] for one in worn] == ["2", "3"]
     assert worn[0]["animal-id"] == row["individual-local-identifier"]
 
@@ -382,9 +390,8 @@ def test_every_export_tells_what_makes_a_position_less_sure(
 ) -> None:
     doubted = cautioned(survey, CONTRADICTED)
     files = exported(doubted, tmp_path)
-    fix = next(csv.DictReader(io.StringIO(files["fixes.csv"].decode())))
-    features = json.loads(files["flight.geojson"])["features"]
-    (place,) = (f["properties"] for f in features if f["properties"]["layer"] == "position")
+    fix, _ = rows_of(files["fixes.csv"])
+    (place,) = features_of(files, "position")
     names = ("cautions", "cautions_in_words")
     (values,) = sql(tmp_path / "flight.gpkg", f"SELECT {', '.join(names)} FROM positions")
     row = dict(zip(names, values, strict=True))
@@ -394,9 +401,9 @@ def test_every_export_tells_what_makes_a_position_less_sure(
     with zipfile.ZipFile(io.BytesIO(files["flight.kmz"])) as kmz:
         for text in (files["flight.gpx"], kmz.read("doc.kml"), files["movebank.csv"]):
             assert CONTRADICTED[0].text.encode() in text
-    (event,) = csv.DictReader(io.StringIO(files["movebank.csv"].decode()))
+    (event,) = rows_of(files["movebank.csv"])
     assert event["algorithm-marked-outlier"] == "true"
-    (event,) = csv.DictReader(io.StringIO(movebank_csv(cautioned(survey, CONTRADICTED[1:]))))
+    (event,) = rows_of(movebank_csv(cautioned(survey, CONTRADICTED[1:])))
     assert event["algorithm-marked-outlier"] == "false"
 
 
@@ -404,7 +411,7 @@ def test_marks_are_a_layer_and_a_table(survey: Survey, tmp_path: Path) -> None:
     at_ns = survey.track[5].time_ns
     note = (at_ns, mark_note(47.1, 8.2, "nest, 飛行"))
     files = exported(replace(survey, notes=(note,)), tmp_path)
-    (mark,) = csv.DictReader(io.StringIO(files["marks.csv"].decode()))
+    (mark,) = rows_of(files["marks.csv"])
     assert mark["text"] == "nest, 飛行"
     assert mark["time_utc"] == iso_utc(at_ns)
     assert (float(mark["latitude_deg"]), float(mark["longitude_deg"])) == (47.1, 8.2)
@@ -430,7 +437,7 @@ def test_beeps_are_a_sensorgnomes_pulses_and_detections_too(
     confirmed = [beep for beep in beeps if beep.confirmed]
     found = read_pulse_log(tmp_path / "detections.csv").pulse_poses
     assert [one.pulse.tag_id for one in found] == [beep.tag_id for beep in confirmed]
-    rows = list(csv.DictReader(io.StringIO((tmp_path / "detections.csv").read_text())))
+    rows = rows_of((tmp_path / "detections.csv").read_bytes())
     assert {row["name"] for row in rows} == {"Kiwi & <Chick>"}
     assert {row["slop"] for row in rows} == {""}, "a beep has no gaps inside"
     assert all(abs(float(row["burstSlop"])) < 0.1 for row in rows)
@@ -445,8 +452,7 @@ def test_every_export_names_the_vehicle_that_flew(survey: Survey, tmp_path: Path
     """Files of several vehicles are laid over each other: each thing tells whose it is."""
     files = exported(of_vehicle(survey, "mast & Söhne"), tmp_path)
     for name in ("fixes.csv", "track.csv"):
-        rows = list(csv.DictReader(io.StringIO(files[name].decode())))
-        assert {row["vehicle"] for row in rows} == {"2, mast & Söhne"}, name
+        assert {row["vehicle"] for row in rows_of(files[name])} == {"2, mast & Söhne"}, name
     features = json.loads(files["flight.geojson"])["features"]
     assert {one["properties"].get("vehicle") for one in features} == {"2, mast & Söhne"}
     for layer in ("pulses", "track", "bearings", "positions", "regions95"):
@@ -454,8 +460,7 @@ def test_every_export_names_the_vehicle_that_flew(survey: Survey, tmp_path: Path
         assert told == {("2, mast & Söhne",)}, layer
     gpx = etree.fromstring(files["flight.gpx"])
     for place in ("metadata/{*}desc", "wpt/{*}desc", "trk/{*}desc"):
-        described = gpx.find("{*}" + place)
-        assert described is not None, place
+        described = some(gpx.find("{*}" + place))
         assert "vehicle 2, mast & Söhne" in (described.text or "")
     etree.XMLSchema(etree.fromstring(GPX_SCHEMA)).assertValid(gpx)
     for content in (files["flight.kml"], kml_of(files["flight.kmz"])):
@@ -465,7 +470,7 @@ def test_every_export_names_the_vehicle_that_flew(survey: Survey, tmp_path: Path
         ]
         assert document[1].text == "vehicle 2, mast & Söhne"
         assert content.decode().count("vehicle 2, mast &amp; Söhne") >= 3
-    (event,) = csv.DictReader(io.StringIO(files["movebank.csv"].decode()))
+    (event,) = rows_of(files["movebank.csv"])
     assert event["comments"] == "vehicle 2, mast & Söhne"
 
 
@@ -475,10 +480,9 @@ def kml_of(kmz: bytes) -> bytes:
 
 
 def test_a_flight_of_one_vehicle_that_nobody_named_has_no_empty_texts_about_it(
-    survey: Survey, tmp_path: Path
+    files: dict[str, bytes],
 ) -> None:
-    files = exported(survey, tmp_path)
-    fix = next(csv.DictReader(io.StringIO(files["fixes.csv"].decode())))
+    fix, _ = rows_of(files["fixes.csv"])
     assert fix["vehicle"] == ""
     assert b"vehicle" not in files["flight.gpx"] + files["flight.kml"] + files["movebank.csv"]
     assert "comments" not in files["movebank.csv"].decode().splitlines()[0]
@@ -508,19 +512,18 @@ def test_a_turn_without_a_clear_direction_is_no_bearing_of_the_original_s_file(
     lines = files["bearings.csv"].decode().splitlines()
     assert len(lines) == len(others)
     assert not any(f"{first.bearing.bearing_deg:.6f}" in line for line in lines)
-    features = json.loads(files["flight.geojson"])["features"]
-    told = [one["properties"] for one in features if one["properties"]["layer"] == "bearing"]
+    told = features_of(files, "bearing")
     assert [one["accepted"] for one in told] == [False, *[True] * len(others)]
 
 
-def test_positions_carry_the_time_of_their_last_bearing(survey: Survey, tmp_path: Path) -> None:
-    files = exported(survey, tmp_path)
+def test_positions_carry_the_time_of_their_last_bearing(
+    survey: Survey, files: dict[str, bytes]
+) -> None:
     time = iso_utc(max(one.end_time_ns for one in survey.bearings_of(2)))
     (_, fix, _) = files["fixes.csv"].decode().splitlines()
     assert time in fix.split(",")
-    features = json.loads(files["flight.geojson"])["features"]
     for layer in ("position", "position 95 %"):
-        (one,) = (f["properties"] for f in features if f["properties"]["layer"] == layer)
+        (one,) = features_of(files, layer)
         assert one["time"] == time
     waypoint = some(etree.fromstring(files["flight.gpx"]).find("{*}wpt/{*}time"))
     assert waypoint.text == time
@@ -540,14 +543,8 @@ def test_a_foreign_log_is_exported_like_a_flight(survey: Survey, tmp_path: Path)
     export_survey(survey, tmp_path, ["uavrt"])
     again = read_survey(tmp_path / "Pulse-uavrt.csv")
     assert again.kind == "tagtracker"
-    one, other = survey.position_of(2), again.position_of(2)
-    assert one is not None
-    assert other is not None
-    assert one.position is not None
-    assert other.position is not None
-    metres = 111_000 * math.hypot(
-        one.position.latitude_deg - other.position.latitude_deg,
-        one.position.longitude_deg - other.position.longitude_deg,
-    )
-    assert metres < 30.0
+    one, other = (some(some(of.position_of(2)).position) for of in (survey, again))
+    north_deg = one.latitude_deg - other.latitude_deg
+    east_deg = one.longitude_deg - other.longitude_deg
+    assert 111_000 * math.hypot(north_deg, east_deg) < 30.0
     exported(again, tmp_path / "again")

@@ -10,15 +10,16 @@ import pytest
 from archived import flight_task
 from file_bearings import read_bearings
 from some import some
-from tests.unit.analysis.test_tags_of_several_logs import as_log
+from sql import sql
+from tests.unit.analysis.test_tags_of_several_logs import FIRST, as_log, pings
+from turned import Way, turns
 
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.config.settings import Settings
 from uavrt.core.clock import flight_stamp
 from uavrt.core.earth.tangent_plane import TangentPlane
-from uavrt.core.messages import Pose, PulsePose
+from uavrt.core.messages import PulsePose
 from uavrt.flight.flight_order import note_flight
-from uavrt.flight.flight_recorder import FlightRecorder
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.flight.reading.noted_places import vehicle_note
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
@@ -36,7 +37,6 @@ PLANE = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
 START_NS = 1_700_000_000 * 10**9
 HOUR_NS = 3600 * 10**9
 TAG = (40.0, 60.0)
-TURN_S, WAY_S = 60.0, 40.0
 AROUND = [(300.0 * math.sin(a), 300.0 * math.cos(a)) for a in np.arange(6) * math.pi / 3.0]
 TABLE = PATTERNS["RA-23K"]
 ANGLES = np.linspace(0.0, 180.0, len(TABLE.e_plane_db))
@@ -44,41 +44,17 @@ BACK_DB = np.array(TABLE.e_plane_db) - 7.0 / (1.0 + np.exp(-(ANGLES - 100.0) / 1
 """The real antenna's: 7 dB weaker behind than the table's."""
 
 
-def pose(time_ns: int, east: float, north: float, yaw_deg: float) -> Pose:
-    latitude, longitude = PLANE.to_geodetic(east, north)
-    return made.pose(time_ns, latitude, longitude, altitude_amsl_m=540.0, yaw_deg=yaw_deg)
-
-
-def flown(
-    number: int, stations: Sequence[tuple[float, float]], seed: int = 3
-) -> tuple[list[Pose], list[PulsePose]]:
-    """Poses and pulses of a flight with a turn at each station."""
-    rng = np.random.default_rng([seed, number])
-    times, east, north, yaw = [0.0], [stations[0][0]], [stations[0][1]], [10.0]
-    for station in stations:
-        for took, turned in ((WAY_S, 0.0), (TURN_S, 360.0), (5.0, 0.0)):
-            times.append(times[-1] + took)
-            east.append(station[0])
-            north.append(station[1])
-            yaw.append(yaw[-1] + turned)
-
-    def at(time_s: float) -> tuple[float, float, float]:
-        e, n, y = (float(np.interp(time_s, times, one)) for one in (east, north, yaw))
-        return e, n, y
-
-    start_ns = START_NS + number * HOUR_NS
-    poses = [pose(start_ns + round(t * 1e9), *at(t)) for t in np.arange(0.0, times[-1], 0.25)]
+def flown(number: int, stations: Sequence[tuple[float, float]]) -> tuple[Way, list[PulsePose]]:
+    """A flight with a turn at each station, and its pulses."""
+    rng = np.random.default_rng([3, number])
+    way = turns(stations, wait_s=40.0, plane=PLANE, start_ns=START_NS + number * HOUR_NS)
     pulses = []
-    for count, time in enumerate(np.arange(0.4, times[-1], 1.25)):
-        e, n, y = at(time)
-        off = difference_deg(math.degrees(math.atan2(TAG[0] - e, TAG[1] - n)), y)
-        snr = 25.0 + float(np.interp(abs(off), ANGLES, BACK_DB)) + float(rng.normal(0.0, 1.2))
-        time_ns = start_ns + round(time * 1e9)
-        heard = made.pulse(
-            time_ns, frequency_hz=148e6, snr_db=snr, group_sequence=count, noise_psd=1e-10
-        )
-        pulses.append(PulsePose(pulse=heard, pose=pose(time_ns, e, n, y)))
-    return poses, pulses
+    for time in np.arange(0.4, way.end_s, 1.25):
+        off_deg = abs(difference_deg(way.seen(time, TAG)[0], 0.0))
+        snr_db = 25.0 + float(np.interp(off_deg, ANGLES, BACK_DB)) + rng.normal(0.0, 1.2)
+        pose = way.pose(time)
+        pulses.append(way.pulse(time, snr_db, pose, frequency_hz=148e6, noise_psd=1e-10))
+    return way, pulses
 
 
 def as_flight(
@@ -88,21 +64,20 @@ def as_flight(
 
     With `clock_ns` the computer's clock was wrong: that is when it believes to have begun.
     """
-    poses, pulses = flown(number, AROUND[2 * number % 6 : 2 * number % 6 + 2])
-    start_ns = START_NS + number * HOUR_NS if clock_ns is None else clock_ns
+    way, pulses = flown(number, AROUND[2 * number % 6 : 2 * number % 6 + 2])
+    start_ns = way.start_ns if clock_ns is None else clock_ns
     stamp = f"2026-05-01_0{number}-00-00" if clock_ns is None else flight_stamp(clock_ns)
-    directory = folder / f"flight_log_{stamp}"
-    tag = made.tag(2, 148e6, 1.25)
-    recorder = FlightRecorder.create(
-        made.flight_info(directory, (tag,), start_time_ns=start_ns, center_frequency_hz=148e6),
-        Settings(),
+    info = made.flight_info(
+        folder / f"flight_log_{stamp}",
+        (made.tag(2, 148e6, 1.25),),
+        start_time_ns=start_ns,
+        center_frequency_hz=148e6,
     )
-    recorder.write(*poses)
-    recorder.write_pulses(pulses)
+    flight = made.flight(info, Settings(), poses=way.poses(), pulse_poses=pulses)
     if vehicle is not None:
-        recorder.write_note(vehicle_note(vehicle), START_NS)
-    recorder.close()
-    return directory
+        note = (START_NS, vehicle_note(vehicle))
+        sql(flight, "INSERT INTO notes VALUES (?, ?)", values=note)
+    return flight
 
 
 def widths(found: Sequence[TagBearing]) -> list[float]:
@@ -126,10 +101,9 @@ def test_three_logs_of_two_turns_teach_each_other_a_weaker_back(tmp_path: Path) 
     assert not clear(read_bearings(logs[0]), 2)  # two turns alone teach nothing
     assert clear(found, 6)
     assert told == ["the antenna's pattern was corrected by 6 turns of 3 flights"]
-    (position,) = read_positions(*logs, warn=told.append)
-    assert position.position is not None
-    off = PLANE.to_local(position.position.latitude_deg, position.position.longitude_deg)
-    assert math.dist(off, TAG) < min(15.0, some(position.position.radius95_m))
+    position = some(read_positions(*logs, warn=told.append)[0].position)
+    off_m = math.dist(PLANE.to_local(position.latitude_deg, position.longitude_deg), TAG)
+    assert off_m < min(15.0, some(position.radius95_m))
     assert told[-1] == told[0]
 
 
@@ -196,32 +170,14 @@ def test_batch_and_page_are_taught_by_past_flights_as_the_command_line_is(
     assert [one["interval90_deg"] for one in alone] != [one["interval90_deg"] for one in page]
 
 
-def as_pings(path: Path) -> Path:
-    """A survey of UCSD's tracker, with a whip."""
-    lines = ["Run,Timestamp,Frequency,Amplitude,Easting,Northing,Altitude,Heading,EPSG Code"]
-    time_s = 1.7e9
-    for line, east in enumerate(range(0, 301, 50)):
-        for north in range(0, 301, 9)[:: 1 if line % 2 == 0 else -1]:
-            level = -60.0 - 25.0 * math.log10(
-                math.dist((east, north, 40.0), (150.0, 120.0, 0.0))
-            )
-            place = f"{462300 + east},{5249900 + north}"
-            lines.append(f"1,{time_s:.1f},172464000,{level:.2f},{place},540.0,0,32632")
-            time_s += 1.5
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
-
-
 @pytest.mark.parametrize("method", ["bayes", "mle"])
 def test_every_tag_of_a_mixed_set_has_a_position_or_a_reason(
     tmp_path: Path, method: str
 ) -> None:
     turned = as_log(tmp_path / "turned.jsonl", flown(0, AROUND)[1])
-    pings = as_pings(tmp_path / "pings.csv")
-    told: list[str] = []
-    found = read_positions(
-        turned, pings, how=EstimationOptions(method=method, height_m=40.0), warn=told.append
-    )
+    survey = pings(tmp_path / "pings.csv", 172_464_000.0, FIRST)
+    how, told = EstimationOptions(method=method, height_m=40.0), list[str]()
+    found = read_positions(turned, survey, how=how, warn=told.append)
     assert [one.tag_id for one in found] == [1, 2]
     assert some(found[1].position).stations == 6
     if method == "bayes":
@@ -232,14 +188,11 @@ def test_every_tag_of_a_mixed_set_has_a_position_or_a_reason(
 
 
 def test_a_tag_that_was_heard_in_no_turn_has_a_reason(tmp_path: Path) -> None:
-    _, pulses = flown(0, AROUND)
-    way_only = [one for one in pulses if one.pulse.start_time_ns < START_NS + 38 * 10**9]
-    (found,) = read_positions(as_log(tmp_path / "way.jsonl", [*way_only]))
-    assert found.position is None or found.position.stations
-    moved = [
-        PulsePose(pulse=one.pulse, pose=pose(one.pulse.start_time_ns, 9.0 * number, 0.0, 90.0))
-        for number, one in enumerate(way_only)
+    line = Way(np.array([(0.0, 0.0, 0.0, 90.0), (38.0, 270.0, 0.0, 90.0)]), plane=PLANE)
+    pulses = [
+        line.pulse(time, 20.0, line.pose(time), frequency_hz=148e6, noise_psd=1e-10)
+        for time in np.arange(0.4, line.end_s, 1.25)
     ]
-    (found,) = read_positions(as_log(tmp_path / "line.jsonl", moved))
+    (found,) = read_positions(as_log(tmp_path / "line.jsonl", pulses))
     assert found.position is None
     assert some(found.reason).startswith("it was detected, but not in a turn in place")

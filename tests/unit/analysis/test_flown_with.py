@@ -1,23 +1,29 @@
-"""What a flight was flown with is what everything reckons with, unless another is named."""
+"""What a flight was flown with, and what it is trusted to, is what everything reckons with."""
 
+import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from depth import share
 from file_bearings import read_bearings
 from some import some
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.inputs.flown_with import flight_antenna, flight_settings
 from uavrt.analysis.survey import read_survey
+from uavrt.cli.options.placing_options import Placing
+from uavrt.cli.results.export import export
+from uavrt.cli.results.localize import localize
+from uavrt.cli.results.report import report
 from uavrt.config.settings import Settings
 from uavrt.core.errors import UsageError
 from uavrt.flight.reading.flight_reader import read_flight
 from uavrt.localization.estimates.flight_estimates import EstimationOptions, TagBearing
-
-WriteFlight = Callable[..., Path]
 
 
 def flown_with(antenna: str) -> Settings:
@@ -44,10 +50,9 @@ def test_bearings_positions_and_reports_take_the_drones_own_antenna(flight: Path
         read_positions(flight),
         read_positions(flight, how=EstimationOptions(antenna="RA-2A")),
     )
-    assert own.position is not None
-    assert own.position.latitude_deg == some(named.position).latitude_deg
     (shown,) = survey.positions
-    assert some(shown.position).latitude_deg == own.position.latitude_deg
+    places = (some(one.position).latitude_deg for one in (own, named, shown))
+    assert len(set(places)) == 1
 
 
 def test_a_flight_with_a_whip_is_a_survey_of_strength(write_flight: WriteFlight) -> None:
@@ -86,3 +91,31 @@ def test_the_antenna_of_another_versions_settings_is_read(flight: Path) -> None:
     assert flight_antenna(later) == "RA-2A"
     assert some(settings).detection == Settings().detection
     assert flight_antenna(replace(read, settings_json=None)) == "RA-23K"
+
+
+PRIORS: dict[str, dict[str, Any]] = {
+    "RA-23K": {"heading_error": 0.0},
+    "monopole": {"height_error": 40.0},
+}
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("antenna", share([*PRIORS], 2))
+def test_report_and_export_trust_the_flight_as_localize_does(
+    antenna: str, write_flight: WriteFlight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flight, priors = write_flight(tags=2, heard=1), PRIORS[antenna]
+    localize(flight, place=Placing(antenna=antenna), as_json=True)
+    (usual,) = json.loads(capsys.readouterr().out)
+    localize(flight, place=Placing(antenna=antenna, **priors), as_json=True)
+    (told,) = json.loads(capsys.readouterr().out)
+    assert told["radius95_m"] != pytest.approx(usual["radius95_m"], abs=0.5)
+
+    export(flight, place=Placing(antenna=antenna, **priors), formats=["csv"], output=tmp_path)
+    with (tmp_path / "fixes.csv").open(encoding="utf-8") as file:
+        fix = next(csv.DictReader(file))
+    assert float(fix["radius95_m"]) == pytest.approx(told["radius95_m"], abs=0.01)
+
+    report(flight, place=Placing(antenna=antenna, **priors), pdf=False, output=tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
+    assert f"{told['radius95_m']:.0f} m (95 %)" in page

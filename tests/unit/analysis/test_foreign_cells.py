@@ -2,13 +2,13 @@
 
 import csv
 import io
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from past_flight import TAG, write_flight
+from sigmf_meta import write_meta
 
 from uavrt.analysis.measure.bag import export_bag
 from uavrt.config.tags.tag_files import parse_tags
@@ -79,28 +79,21 @@ def test_a_cell_of_200_kb_in_a_list_of_codes_is_a_fault_of_its_line() -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("core:global_index", 2**62),
-        ("core:global_index", 2**50),
-        ("core:datetime", "9999-12-31T23:59:59Z"),
-        ("core:datetime", "0001-01-01T00:00:00Z"),
-        ("core:datetime", "2026-09-01T00:00:00Z"),
+        ("global_index", 2**62),
+        ("global_index", 2**50),
+        ("datetime", "9999-12-31T23:59:59Z"),
+        ("datetime", "0001-01-01T00:00:00Z"),
+        ("datetime", "2026-09-01T00:00:00Z"),
     ],
 )
 def test_a_capture_months_after_the_one_before_is_refused_in_words(
     tmp_path: Path, field: str, value: object
 ) -> None:
     (tmp_path / "air.sigmf-data").write_bytes(bytes(8 * 2000))
-    first = {"core:sample_start": 0, "core:frequency": 148.7e6, "core:global_index": 0}
-    second = {"core:sample_start": 1000, field: value}
-    if field == "core:datetime":
-        first = {"core:sample_start": 0, "core:frequency": 148.7e6}
-        first["core:datetime"] = "2026-05-01T00:00:00Z"  # type: ignore[assignment]
-    described = {
-        "global": {"core:datatype": "cf32_le", "core:sample_rate": 1000.0},
-        "captures": [first, second],
-    }
-    path = tmp_path / "air.sigmf-meta"
-    path.write_text(json.dumps(described))
+    begun = {"global_index": 0, "datetime": "2026-05-01T00:00:00Z"}
+    first = {"frequency": 148.7e6, field: begun[field]}
+    second = {"sample_start": 1000, field: value}
+    path = write_meta(tmp_path / "air", 1000.0, first, second)
     said = r"air.sigmf-meta: .*(are missing|is not a valid time)"
     with pytest.raises(FormatError, match=said) as refused:
         sigmf_layout(path)
@@ -109,12 +102,7 @@ def test_a_capture_months_after_the_one_before_is_refused_in_words(
 
 def test_a_gap_of_a_day_is_one(tmp_path: Path) -> None:
     (tmp_path / "air.sigmf-data").write_bytes(bytes(8 * 2000))
-    first = {"core:sample_start": 0, "core:frequency": 148.7e6, "core:global_index": 0}
-    second = {"core:sample_start": 1000, "core:global_index": 86_400_000}
-    described = {
-        "global": {"core:datatype": "cf32_le", "core:sample_rate": 1000.0},
-        "captures": [first, second],
-    }
-    (tmp_path / "air.sigmf-meta").write_text(json.dumps(described))
-    layout = sigmf_layout(tmp_path / "air.sigmf-meta")
+    first = {"frequency": 148.7e6, "global_index": 0}
+    second = {"sample_start": 1000, "global_index": 86_400_000}
+    layout = sigmf_layout(write_meta(tmp_path / "air", 1000.0, first, second))
     assert layout.segments[1].lost_before == 86_399_000

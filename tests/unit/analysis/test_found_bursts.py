@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 
 from uavrt.analysis.inputs.found_bursts import bursts_of_pulses
-from uavrt.core.messages import Pulse, PulsePose, Tag
+from uavrt.core.messages import PulsePose
 
-TAG = Tag(
-    tag_id=12,
-    frequency_hz=166_380_000.0,
+TAG = made.tag(
+    12,
+    166_380_000.0,
+    20.0,
     pulse_width_s=0.0025,
-    pulse_intervals_s=(20.0,),
     interval_uncertainty_s=0.004,
     k=10,
     gaps_s=(0.022, 0.0196, 0.0244),
@@ -25,22 +26,14 @@ OTHER_INTERVAL = replace(TAG, tag_id=13, pulse_intervals_s=(13.1,))
 
 def _pulse(at_s: float, snr_db: float) -> PulsePose:
     start_ns = 10**18 + round(at_s * 1e9)
-    pulse = Pulse(
+    pulse = made.pulse(
+        start_ns,
         tag_id=1,
         frequency_hz=166_380_000.0,
-        start_time_ns=start_ns,
         end_time_ns=start_ns + 2_500_000,
         snr_db=snr_db,
-        group_snr_db=snr_db,
-        score=1.0,
-        group_index=1,
-        group_sequence=1,
-        noise_psd=1.0,
         detection_status="detected",
         confirmed=False,
-        rate=1,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
     return PulsePose(pulse=pulse, pose=None)
 

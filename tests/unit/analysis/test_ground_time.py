@@ -8,10 +8,10 @@ import made
 import numpy as np
 import pytest
 from file_bearings import read_bearings
+from tests.unit.analysis.test_tags_of_several_logs import as_log
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import PulsePose
-from uavrt.flight.logs.pulse_files import PulseWriter
 from uavrt.flight.logs.pulse_pose_log import format_line
 from uavrt.formats.pulses.tagtracker import write_tagtracker
 from uavrt.localization.angles import difference_deg
@@ -63,13 +63,6 @@ def heard(*, turns: int = 1) -> Pulses:
     return found
 
 
-def as_jsonl(path: Path, pulses: Pulses) -> None:
-    with path.open("w", encoding="utf-8") as stream:
-        writer = PulseWriter(stream, "jsonl")
-        for one in pulses:
-            writer.write(one)
-
-
 def as_tagtracker(path: Path, pulses: Pulses) -> None:
     with path.open("w", encoding="utf-8") as stream:
         write_tagtracker(stream, pulses)
@@ -82,14 +75,14 @@ def as_pulse_pose_log(path: Path, pulses: Pulses) -> None:
 @pytest.mark.parametrize(
     ("name", "write"),
     [
-        ("log.jsonl", as_jsonl),
+        ("log.jsonl", as_log),
         ("log.csv", as_tagtracker),
         ("pulse_pose_log.txt", as_pulse_pose_log),  # has heights above sea level alone
     ],
 )
 @pytest.mark.parametrize("turns", [1, 2])
 def test_a_log_of_one_place_with_ground_climb_and_carrying_has_its_turns_alone(
-    tmp_path: Path, name: str, write: Callable[[Path, Pulses], None], turns: int
+    tmp_path: Path, name: str, write: Callable[[Path, Pulses], object], turns: int
 ) -> None:
     write(tmp_path / name, heard(turns=turns))
     found = read_bearings(tmp_path / name)
@@ -106,6 +99,5 @@ def test_a_log_that_stands_on_the_ground_alone_is_one_turn_of_all_its_pulses(
 ) -> None:
     """As on a turntable: nothing flew."""
     pulses = [one for one in heard() if one.pulse.start_time_ns < START_NS + STAND_S * 1e9]
-    as_jsonl(tmp_path / "log.jsonl", pulses)
-    (found,) = read_bearings(tmp_path / "log.jsonl")
+    (found,) = read_bearings(as_log(tmp_path / "log.jsonl", pulses))
     assert found.bearing.pulses == len(pulses)

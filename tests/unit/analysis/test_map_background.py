@@ -5,6 +5,7 @@ import gzip
 import io
 import json
 import math
+import shutil
 import struct
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,15 +13,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import Ran
 from matplotlib.figure import Figure
 from PIL import Image
+from report_text import said_in_report
+from some import some
 from sql import write_mbtiles
 
 from uavrt.analysis.inputs.map_files import MapFile, maps_in, read_map, tile_place
 from uavrt.analysis.report.report_maps import draw_overview
-from uavrt.analysis.report.report_page import html_page
 from uavrt.analysis.survey import Survey, read_survey
-from uavrt.cli.app import app
 from uavrt.core.errors import FormatError
 
 CREDIT = "© OpenStreetMap contributors"
@@ -119,8 +121,7 @@ def test_a_tile_is_found_where_it_lies(
     assert made.credit == CREDIT
     assert made.tiles == "png"
     for column, row in around(*PLACE):
-        content = made.tile(ZOOM, column, row)
-        assert content is not None
+        content = some(made.tile(ZOOM, column, row))
         pixel = Image.open(io.BytesIO(content)).getpixel((5, 5))
         assert pixel == colour_of(column, row)
     assert made.tile(ZOOM, 3, 3) is None
@@ -154,7 +155,7 @@ def test_the_map_of_a_report_lies_under_the_flight_and_says_whose_it_is(
     expected = 0.5 + 0.5 * np.array(colour_of(tile[0], tile[1])) / 255.0
     assert pixels[row, column] == pytest.approx(expected, abs=0.01)
     assert CREDIT in [text.get_text() for text in axes.texts]
-    assert CREDIT in html_page(replace(survey, maps=(made,)))
+    assert CREDIT in said_in_report(replace(survey, maps=(made,)))
 
 
 def test_without_a_map_of_this_place_nothing_is_drawn_and_nothing_said(
@@ -169,19 +170,16 @@ def test_without_a_map_of_this_place_nothing_is_drawn_and_nothing_said(
     assert len(figure.axes[0].images) == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_takes_maps_beside_the_flight(
-    write_flight: Callable[..., Path], survey: Survey, tmp_path: Path
+    write_flight: Callable[..., Path], survey: Survey, tmp_path: Path, ran: Ran
 ) -> None:
-    flight = tmp_path / "flight_log_x"
-    flight.mkdir()
-    for path in write_flight(tags=1).iterdir():
-        if path.is_file():
-            (flight / path.name).write_bytes(path.read_bytes())
+    flight = shutil.copytree(write_flight(tags=1), tmp_path / "flight_log_x")
     (tmp_path / "maps").mkdir()
     start = survey.track[0]
     write_map(tmp_path / "maps" / "valley.mbtiles", start.latitude_deg, start.longitude_deg)
     (tmp_path / "maps" / "broken.pmtiles").write_bytes(b"PMTiles\x03" + bytes(40))
-    app(["report", str(flight), "--no-pdf"], result_action="return_value")
+    ran("report", flight, "--no-pdf")
     assert CREDIT in (flight / "report.html").read_text("utf-8")
 
 
@@ -192,14 +190,14 @@ def test_what_is_no_map_and_what_was_damaged_is_named(tmp_path: Path) -> None:
         read_map(broken)
     made = write_pmtiles(tmp_path / "valley.pmtiles", *PLACE)
     content = bytearray(made.path.read_bytes())
-    made.path.write_bytes(content[:-1])
-    with pytest.raises(FormatError, match="incomplete or damaged"):
-        read_map(made.path)
-    far = bytearray(content)
-    far[106:110] = struct.pack("<i", 2_000_000_000)
-    made.path.write_bytes(far)
-    with pytest.raises(FormatError, match="not positions on earth"):
-        read_map(made.path)
+    far = content[:106] + struct.pack("<i", 2_000_000_000) + content[110:]
+    for damaged, says in (
+        (content[:-1], "incomplete or damaged"),
+        (far, "not positions on earth"),
+    ):
+        made.path.write_bytes(damaged)
+        with pytest.raises(FormatError, match=says):
+            read_map(made.path)
     rng = np.random.default_rng(4)
     for _ in range(300):
         damaged = bytearray(content)

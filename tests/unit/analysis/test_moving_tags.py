@@ -3,8 +3,6 @@
 import csv
 import io
 import json
-import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -12,8 +10,10 @@ from xml.etree import ElementTree as ET
 import made
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
 from some import some
+from sql import sql
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.analysis.export.csv_tables import bearing_rows, movebank_csv, tag_paths_csv
@@ -35,7 +35,6 @@ from uavrt.simulation.scene.scenario import Scenario, SimulatedTag
 
 pytestmark = pytest.mark.slow
 
-WriteFlight = Callable[..., Path]
 WALKER, RESTING = 2, 3
 WALK_M_S = 0.6
 
@@ -114,8 +113,7 @@ def test_bearings_of_a_file_are_of_the_middle_of_their_turns(
     path = tmp_path / "bearings.csv"
     write_bearing_file(path, bearing_rows(survey, "flight.csv"))
     told = {one.tag_id: one.position for one in read_positions(path)}
-    walker, own = told[WALKER], way_of(survey, WALKER)
-    assert walker is not None
+    walker, own = some(told[WALKER]), way_of(survey, WALKER)
     assert abs(walker.track[0].time_ns - own.track[0].time_ns) < 1e9
     assert abs(walker.track[-1].time_ns - own.track[-1].time_ns) < 1e9
 
@@ -125,19 +123,20 @@ def test_bearings_of_a_file_from_several_days_tell_no_walk(
 ) -> None:
     path = tmp_path / "bearings.csv"
     rows = [one for one in bearing_rows(survey, "flight.csv") if one.tag_id == WALKER]
+    day_ns = 86_400 * 10**9
     days = [
         replace(
             one,
-            start_time_ns=(one.start_time_ns or 0) + 86_400 * 10**9 * number,
-            end_time_ns=(one.end_time_ns or 0) + 86_400 * 10**9 * number,
+            start_time_ns=some(one.start_time_ns) + number * day_ns,
+            end_time_ns=some(one.end_time_ns) + number * day_ns,
         )
         for number, one in enumerate(rows)
     ]
     write_bearing_file(path, days)
     (walker,) = read_positions(path)
-    assert walker.position is not None
-    assert walker.position.track == ()
-    assert "walk" not in {one.name for one in walker.position.cautions}
+    position = some(walker.position)
+    assert position.track == ()
+    assert "walk" not in {one.name for one in position.cautions}
     (followed,) = read_positions(path, how=EstimationOptions(method="track"))
     assert followed.position is None
     assert "of one flight" in (followed.reason or "")
@@ -149,11 +148,9 @@ def test_command_line_and_report_give_the_same_way(place: Path, survey: Survey) 
     assert walker.track == way_of(survey, WALKER).track
 
 
-def test_the_command_line_prints_the_way_of_each_tag(
-    place: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert uavrt("localize", str(place), "--method", "track", "--json") == 0
-    told = {one["tag_id"]: one for one in json.loads(capsys.readouterr().out)}
+def test_the_command_line_prints_the_way_of_each_tag(place: Path, ran: Ran) -> None:
+    records = ran("localize", place, "--method", "track", "--json").json
+    told = {one["tag_id"]: one for one in records}
     assert set(told) == {WALKER, RESTING}
     for one in told.values():
         assert one["method"] == "track"
@@ -181,9 +178,8 @@ def test_exports_carry_the_way_with_its_times(survey: Survey, tmp_path: Path) ->
     assert f"tag {WALKER} track" in kml_text(survey)
 
     write_geopackage(survey, tmp_path / "flight.gpkg")
-    with sqlite3.connect(tmp_path / "flight.gpkg") as database:
-        (count,) = database.execute("SELECT count(*) FROM tag_tracks").fetchone()
-    assert count == len(way)
+    counted = sql(tmp_path / "flight.gpkg", "SELECT count(*) FROM tag_tracks")
+    assert counted == [(len(way),)]
 
 
 def test_tables_have_the_way_with_a_row_for_each_time(survey: Survey) -> None:
@@ -220,7 +216,7 @@ def test_the_page_says_for_which_time_a_walkers_place_stands(place: Path) -> Non
 
 
 def test_a_walkers_place_says_for_which_time_it_stands(
-    place: Path, survey: Survey, capsys: pytest.CaptureFixture[str]
+    place: Path, survey: Survey, ran: Ran
 ) -> None:
     last_ns = way_of(survey, WALKER).track[-1].time_ns
     assert survey.position_time_ns(WALKER) == last_ns
@@ -229,8 +225,7 @@ def test_a_walkers_place_says_for_which_time_it_stands(
     assert rows["Time"] == [f"{utc_text(last_ns)[11:19]} UTC"]
     assert "if it moved in a straight line;" in rows["Caution"][-1]
     assert "if it moved in a straight line;" not in str(resting.facts)
-    assert uavrt("localize", str(place)) == 0
-    plain = capsys.readouterr().out
+    plain = ran("localize", place).out
     assert "the tag seems to have walked" in plain
     assert plain.count("if it moved in a straight line;") == 1
     assert f"position at {utc_text(last_ns)}" in plain

@@ -37,22 +37,14 @@ def block(samples: np.ndarray, first: int, *, channel: int = 0) -> ChannelBlock:
 
 def pulse(number: int, *, rate: int = 1, status: str = "confirmed") -> Pulse:
     start_ns = START_NS + round((0.5 + number * (1.26 if rate == 1 else 2.0)) * 1e9)
-    return Pulse(
-        tag_id=2,
+    return made.pulse(
+        start_ns,
         frequency_hz=148_710_200.0 + number,
-        start_time_ns=start_ns,
-        end_time_ns=start_ns + 20_000_000,
         snr_db=12.0 + number % 5,
-        group_snr_db=12.0,
-        score=2.0,
-        group_index=1,
-        group_sequence=number,
         noise_psd=1e-9,
-        detection_status=status,  # type: ignore[arg-type]
+        detection_status=status,
         confirmed=status == "confirmed",
         rate=rate,
-        predicted_next_start_ns=None,
-        predicted_next_end_ns=None,
     )
 
 
@@ -187,13 +179,13 @@ def test_without_pulses_the_pictures_say_so(tmp_path: Path) -> None:
     assert len(plots.write()) == 3
 
 
-def test_a_tag_without_samples_has_no_pictures(tmp_path: Path) -> None:
-    assert DetectionPlots(tmp_path, [TAG]).write() == []
-
-
-def test_a_recording_shorter_than_a_column_has_no_pictures(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [0, 15])
+def test_without_samples_or_with_less_than_a_column_there_are_no_pictures(
+    tmp_path: Path, count: int
+) -> None:
     plots = DetectionPlots(tmp_path, [TAG])
-    plots.add_block(block(noise(15), 0))
+    if count:
+        plots.add_block(block(noise(count), 0))
     assert plots.write() == []
 
 

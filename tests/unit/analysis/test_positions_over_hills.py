@@ -1,11 +1,11 @@
 """``--dem`` of localize and integrate: what the ground changes, and what it cannot tell."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.unit.analysis.conftest import WriteFlight
 
 from uavrt.cli.options.placing_options import Placing
 from uavrt.cli.results.export import export
@@ -17,7 +17,6 @@ from uavrt.localization.terrain.hill_losses import HillLosses
 from uavrt.localization.whole_flight.tag_places import places_around
 from uavrt_experiments.search.terrain import PLANE, elevation_of
 
-WriteFlight = Callable[..., Path]
 HOME = (35.178241, -111.656587)
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import made
 import pytest
+from some import some
 
 from uavrt.analysis.measure.redetect import FlightWriter
 from uavrt.config.settings import AntennaSettings, DetectionSettings, Settings
@@ -42,7 +43,7 @@ def flown(tmp_path: Path) -> Flight:
     )
     settings = Settings(antenna=AntennaSettings(yaw_offset_deg=90.0))
     recorder = FlightRecorder.create(info, settings)
-    poses = tuple(
+    poses = (
         made.pose(
             START_NS + number * 100_000_000,
             35.0,
@@ -89,9 +90,8 @@ def test_pulses_found_again_get_the_pose_of_the_flight_at_their_centre(flown: Fl
     again = read_flight(writer.directory)
     assert [p.pulse.tag_id for p in again.pulse_poses] == [9, 2, 9]
     for recorded in again.pulse_poses:
-        assert recorded.pose is not None
         center_s = (recorded.pulse.start_time_ns - START_NS) / 1e9 + 0.010
-        error = yaw_deg(recorded.pose.quaternion_wxyz) - (30.0 * center_s + 90.0)
+        error = yaw_deg(some(recorded.pose).quaternion_wxyz) - (30.0 * center_s + 90.0)
         assert abs(math.remainder(error, 360.0)) < 0.01
     assert (writer.with_pose, writer.without_pose) == (3, 0)
 

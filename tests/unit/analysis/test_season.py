@@ -1,14 +1,13 @@
 """A season in numbers, from flights as they are recorded."""
 
 import csv
-import json
 from pathlib import Path
 
 import made
 import pytest
+from command_line import Ran
 
 from uavrt.analysis.season import read_season
-from uavrt.cli.app import app
 from uavrt.core.clock import Clock
 from uavrt.core.errors import FormatError
 from uavrt.core.messages import PulsePose, Tag
@@ -190,15 +189,13 @@ def test_a_folder_without_flights_is_told(tmp_path: Path) -> None:
 
 
 def test_the_command_prints_the_season_and_writes_a_line_for_each_animal(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, ran: Ran
 ) -> None:
     table = folder / "season.csv"
-    app(["season", str(folder), "-o", str(table)], result_action="return_value")
-    said = capsys.readouterr()
+    said = ran("season", folder, "-o", table)
     assert "3 flights, 42 minutes" in said.out
     assert "14.0 minutes of flight per detection" in said.out
     assert "flight_log_4 cannot be read" in said.err
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     assert [row["tag_id"] for row in rows] == ["2", "4"]
-    app(["season", str(folder), "--json"], result_action="return_value")
-    assert json.loads(capsys.readouterr().out)["batteries"] == 2
+    assert ran("season", folder, "--json").json["batteries"] == 2

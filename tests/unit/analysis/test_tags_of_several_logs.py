@@ -1,6 +1,5 @@
 """Which tag a number means, in logs that go together."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,8 +7,9 @@ from pathlib import Path
 
 import made
 import numpy as np
-import pytest
-from command_line import uavrt
+from command_line import Ran
+from some import some
+from turned import turns
 
 from uavrt.analysis.estimates.positions import read_positions
 from uavrt.core.earth.tangent_plane import TangentPlane
@@ -48,28 +48,15 @@ def turned(
 ) -> list[PulsePose]:
     """Pulses of turns at three places around a tag."""
     rng = np.random.default_rng(round(frequency_hz))
+    angles = np.arange(3) * 2 * math.pi / 3
+    stations = [(300.0 * math.sin(a), 300.0 * math.cos(a)) for a in angles]
+    way = turns(stations, plane=PLANE, start_ns=start_ns)
+    named = {"tag_id": tag_id, "frequency_hz": frequency_hz, "noise_psd": 1e-10}
     pulses = []
-    stations = [
-        (300.0 * math.sin(a), 300.0 * math.cos(a)) for a in np.arange(3) * 2 * math.pi / 3
-    ]
-    for number, (east, north) in enumerate(stations):
-        latitude, longitude = PLANE.to_geodetic(east, north)
-        for step in range(48):
-            yaw_deg, time_ns = 7.5 * step, start_ns + (100 * number + step) * 1_250_000_000
-            towards = math.degrees(math.atan2(tag[0] - east, tag[1] - north))
-            gain = float(PATTERNS["RA-23K"].gain_db([towards - yaw_deg])[0])
-            pose = made.pose(
-                time_ns, latitude, longitude, altitude_amsl_m=540.0, yaw_deg=yaw_deg
-            )
-            pulse = made.pulse(
-                time_ns,
-                tag_id=tag_id,
-                frequency_hz=frequency_hz,
-                snr_db=26.0 + gain + float(rng.normal(0.0, 1.0)),
-                group_sequence=48 * number + step,
-                noise_psd=1e-10,
-            )
-            pulses.append(PulsePose(pulse=pulse, pose=pose))
+    for time in np.arange(0.0, way.end_s, 1.25):
+        gain = float(PATTERNS["RA-23K"].gain_db(way.seen(time, tag)[0]))
+        snr_db = 26.0 + gain + rng.normal(0.0, 1.0)
+        pulses.append(way.pulse(time, snr_db, way.pose(time), **named))
     return pulses
 
 
@@ -94,19 +81,8 @@ def as_flight(directory: Path, pulses: Sequence[PulsePose], name: str) -> Path:
 
 
 def off_m(found: TagPosition, tag: tuple[float, float]) -> float:
-    assert found.position is not None
-    place = PLANE.to_local(found.position.latitude_deg, found.position.longitude_deg)
-    return math.dist(place, tag)
-
-
-def off_in_survey_m(found: TagPosition, alone: TagPosition) -> float:
-    assert found.position is not None
-    assert alone.position is not None
-    plane = TangentPlane(
-        latitude_deg=alone.position.latitude_deg, longitude_deg=alone.position.longitude_deg
-    )
-    place = plane.to_local(found.position.latitude_deg, found.position.longitude_deg)
-    return math.hypot(*place)
+    place = some(found.position)
+    return math.dist(PLANE.to_local(place.latitude_deg, place.longitude_deg), tag)
 
 
 def test_two_surveys_of_two_frequencies_are_two_tags(tmp_path: Path) -> None:
@@ -120,7 +96,9 @@ def test_two_surveys_of_two_frequencies_are_two_tags(tmp_path: Path) -> None:
     assert [one.tag_id for one in found] == [1, 2]
     assert [one.frequency_hz for one in found] == [172_464_000.0, 173_000_000.0]
     for one, own in zip(found, alone, strict=True):
-        assert off_in_survey_m(one, own) < 0.01
+        place = some(own.position)
+        there = PLANE.to_local(place.latitude_deg, place.longitude_deg)
+        assert off_m(one, (float(there[0]), float(there[1]))) < 0.01
 
 
 def test_one_frequency_is_one_tag_whatever_number_each_log_gives_it(tmp_path: Path) -> None:
@@ -153,7 +131,7 @@ def test_a_survey_s_tag_is_the_listed_one_of_its_frequency(tmp_path: Path) -> No
 
 
 def test_a_number_that_was_given_to_another_tag_has_a_position_for_each(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     first = as_flight(
         tmp_path / "flight_log_2026-05-01_08-00-00",
@@ -174,16 +152,12 @@ def test_a_number_that_was_given_to_another_tag_has_a_position_for_each(
     assert any(
         "tag 2 is at 148.0000 MHz in some of these and at 149.5000 MHz" in one for one in told
     )
-    assert uavrt("localize", str(first), str(second)) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = ran("localize", first, second).out.splitlines()
     assert any(line.startswith("tag 2 (Aroha) at 148.0000 MHz: ") for line in lines)
     assert any(line.startswith("tag 2 (Tui) at 149.5000 MHz: ") for line in lines)
-    assert uavrt("localize", str(tmp_path), "--json") == 0
-    records = json.loads(capsys.readouterr().out)
-    assert [(one["name"], one["frequency_hz"]) for one in records] == [
-        ("Aroha", 148.0e6),
-        ("Tui", 149.5e6),
-    ]
+    records = ran("localize", tmp_path, "--json").json
+    named = [(one["name"], one["frequency_hz"]) for one in records]
+    assert named == [("Aroha", 148.0e6), ("Tui", 149.5e6)]
 
 
 def test_a_tag_whose_frequency_drifts_by_a_kilohertz_stays_one(tmp_path: Path) -> None:
@@ -203,6 +177,5 @@ def test_a_tag_whose_frequency_drifts_by_a_kilohertz_stays_one(tmp_path: Path) -
     logs = [as_log(tmp_path / "a.jsonl", pulses), as_log(tmp_path / "b.jsonl", later)]
     told: list[str] = []
     (found,) = read_positions(*logs, warn=told.append)
-    assert found.position is not None
-    assert found.position.stations == 6
+    assert some(found.position).stations == 6
     assert not any("MHz" in one for one in told)

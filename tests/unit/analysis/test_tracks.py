@@ -9,21 +9,23 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
 from depth import share
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from some import some
+from tests.unit.analysis.conftest import WriteFlight
+from tests.unit.analysis.test_tags_of_several_logs import as_log
+from turned import Way
 
 from uavrt.analysis.tracks.attach import attach_poses, estimate_offset
 from uavrt.analysis.tracks.recognised import read_track
 from uavrt.analysis.tracks.tlog import read_tlog
 from uavrt.core.clock import iso_utc
-from uavrt.core.earth.attitude import euler_deg, from_euler_deg, yaw_deg
+from uavrt.core.earth.attitude import euler_deg, yaw_deg
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import FormatError, UsageError
 from uavrt.core.messages import AttitudeSample, Pose, PositionSample, PulsePose
-from uavrt.flight.logs.pulse_files import PulseWriter
 from uavrt.flight.reading.flight_reader import Flight, read_flight
 from uavrt.formats.tracks.dataflash import read_dataflash
 from uavrt.formats.tracks.declination import declination_deg
@@ -41,7 +43,6 @@ from uavrt.simulation.vehicle.telemetry import telemetry_message
 
 pytestmark = pytest.mark.slow
 
-WriteFlight = Callable[..., Path]
 WriteTrack = Callable[[list[Pose], Path], Path]
 BOOT_NS = 40_000_000_000
 """Time since boot at the first pose."""
@@ -50,6 +51,10 @@ BOOT_NS = 40_000_000_000
 @pytest.fixture(scope="module")
 def flight(write_flight: WriteFlight) -> Flight:
     return read_flight(write_flight())
+
+
+def unposed(one: PulsePose) -> PulsePose:
+    return replace(one, pose=None)
 
 
 def boot_us(pose: Pose, poses: list[Pose]) -> int:
@@ -233,19 +238,15 @@ def write_gpx(poses: list[Pose], path: Path) -> Path:
 
 
 def test_an_offset_that_leaves_nearly_all_pulses_without_a_pose_is_refused(
-    flight: Flight, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Flight, tmp_path: Path, ran: Ran
 ) -> None:
-    pulses, out = tmp_path / "pulses.jsonl", tmp_path / "posed.jsonl"
-    with pulses.open("w") as stream:
-        writer = PulseWriter(stream, "jsonl")
-        for one in flight.pulse_poses:
-            writer.write(one)
+    pulses, out = as_log(tmp_path / "pulses.jsonl", flight.pulse_poses), tmp_path / "out.jsonl"
     track = write_tlog(list(flight.poses), tmp_path / "x.tlog")
-    line = ["attach", str(pulses), str(track), "-o", str(out), "--clock-offset"]
-    assert uavrt(*line, "3600") == 2
-    assert f"only 0 of {len(flight.pulse_poses)} pulses" in capsys.readouterr().err
+    line = ["attach", pulses, track, "-o", out, "--clock-offset"]
+    refused = ran(*line, 3600, ends=2).err
+    assert f"only 0 of {len(flight.pulse_poses)} pulses" in refused
     assert not out.exists()
-    assert uavrt(*line, "0") == 0
+    ran(*line, 0)
     assert out.is_file()
 
 
@@ -273,12 +274,11 @@ def test_pulses_get_the_poses_that_they_had_in_flight(
     attached = attach_poses(flight.pulse_poses, track, 0.0)
     assert len(attached) == len(flight.pulse_poses)
     for one, other in zip(attached, flight.pulse_poses, strict=True):
-        assert one.pose is not None
-        assert other.pose is not None
-        yaws = [yaw_deg(p.quaternion_wxyz) for p in (one.pose, other.pose)]
+        pose, own = some(one.pose), some(other.pose)
+        yaws = (yaw_deg(pose.quaternion_wxyz), yaw_deg(own.quaternion_wxyz))
         assert abs(difference_deg(*yaws)) < yaw_bound_deg
-        assert one.pose.latitude_deg == pytest.approx(other.pose.latitude_deg, abs=1e-5)
-        assert one.pose.altitude_amsl_m == pytest.approx(other.pose.altitude_amsl_m, abs=0.7)
+        assert pose.latitude_deg == pytest.approx(own.latitude_deg, abs=1e-5)
+        assert pose.altitude_amsl_m == pytest.approx(own.altitude_amsl_m, abs=0.7)
 
 
 @pytest.mark.parametrize("write", [write_ulog, write_dataflash, write_tlog])
@@ -326,16 +326,14 @@ def test_the_clocks_offset_is_found_from_what_is_common(
 ) -> None:
     track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
     late = track.shifted(round(-offset_s * 1e9))
-    pulses = [
-        one if posed else PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses
-    ]
+    pulses = [one if posed else unposed(one) for one in flight.pulse_poses]
     found = estimate_offset(pulses, late)
     assert found.found_by == ("poses" if posed else "powers")
     assert found.offset_s == pytest.approx(offset_s, abs=0.15 if posed else 0.6)
-    assert found.sigma_s is not None
-    assert abs(found.offset_s - offset_s) < 3.0 * found.sigma_s
+    sigma_s = some(found.sigma_s)
+    assert abs(found.offset_s - offset_s) < 3.0 * sigma_s
     # A turn of 360° in 50 s, the slow beginning and end apart.
-    assert 7.2 * found.sigma_s < some(found.heading_sigma_deg) < 10.0 * found.sigma_s
+    assert 7.2 * sigma_s < some(found.heading_sigma_deg) < 10.0 * sigma_s
     (first, *_) = bearings_of(Heard.of_records(attach_poses(pulses, late, found.offset_s)))
     (truth, *_) = bearings_of(Heard.of_records(flight.pulse_poses))
     assert abs(difference_deg(first.bearing.bearing_deg, truth.bearing.bearing_deg)) < 6.0
@@ -344,7 +342,7 @@ def test_the_clocks_offset_is_found_from_what_is_common(
 def test_an_offset_that_is_not_clear_is_refused(flight: Flight, tmp_path: Path) -> None:
     still = [pose for pose in flight.poses if pose.time_ns < flight.poses[0].time_ns + 3e9]
     track = read_track(write_tlog(still, tmp_path / "x.tlog"))
-    pulses = [PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses]
+    pulses = [*map(unposed, flight.pulse_poses)]
     with pytest.raises(UsageError, match="clock-offset"):
         estimate_offset(pulses[:5], track)
     with pytest.raises(UsageError, match=r"covers at most \d+ of \d+ pulses at any"):
@@ -358,7 +356,7 @@ def test_clocks_that_are_hours_apart_are_told_with_the_offset_of_another_time_zo
     flight: Flight, tmp_path: Path, hours: float
 ) -> None:
     track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
-    pulses = [PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses]
+    pulses = [*map(unposed, flight.pulse_poses)]
     side = "before" if hours < 0.0 else "after"
     with pytest.raises(UsageError, match=rf"\d h \d+ min {side} the track") as told:
         estimate_offset(pulses, track.shifted(-round(hours * 3600e9)))
@@ -373,9 +371,7 @@ def test_clocks_that_are_hours_apart_are_told_with_the_offset_of_another_time_zo
 def test_a_log_that_begins_at_arming_gives_the_offset_of_what_it_covers(
     flight: Flight, tmp_path: Path, posed: bool
 ) -> None:
-    pulses = [
-        one if posed else PulsePose(pulse=one.pulse, pose=None) for one in flight.pulse_poses
-    ]
+    pulses = [one if posed else unposed(one) for one in flight.pulse_poses]
     armed_ns = pulses[round(0.29 * len(pulses))].pulse.start_time_ns
     armed = [pose for pose in flight.poses if pose.time_ns > armed_ns]
     late = read_track(write_tlog(armed, tmp_path / "x.tlog")).shifted(-7_350_000_000)
@@ -384,7 +380,7 @@ def test_a_log_that_begins_at_arming_gives_the_offset_of_what_it_covers(
     rng = np.random.default_rng(3)
     snr_db = rng.permutation([one.pulse.snr_db for one in pulses])
     chance = [
-        PulsePose(pulse=replace(one.pulse, snr_db=float(snr)), pose=None)
+        unposed(replace(one, pulse=replace(one.pulse, snr_db=float(snr))))
         for one, snr in zip(pulses, snr_db, strict=True)
     ]
     with pytest.raises(UsageError, match=r"Give --clock-offset"):
@@ -397,14 +393,11 @@ def test_an_offset_that_would_turn_bearings_is_asked_for(
     track = read_track(write_tlog(list(flight.poses), tmp_path / "x.tlog"))
     rng = np.random.default_rng(5)
     faded = [
-        PulsePose(
-            pulse=replace(one.pulse, snr_db=one.pulse.snr_db + float(rng.normal(0.0, 5.0))),
-            pose=None,
-        )
-        for one in flight.pulse_poses
+        made.pulse(one.start_time_ns, snr_db=one.snr_db + float(rng.normal(0.0, 5.0)))
+        for one in (each.pulse for each in flight.pulse_poses)
     ]
     with pytest.raises(UsageError, match=r"± .* headings in a turn uncertain by") as refused:
-        estimate_offset(faded, track)
+        estimate_offset([PulsePose(pulse=one, pose=None) for one in faded], track)
     assert "Give --clock-offset" in str(refused.value)
 
 
@@ -442,55 +435,45 @@ def turned_thrice(offset_s: float) -> tuple[list[PulsePose], VehicleTrack]:
     On the ground bodies and reflections make another direction the strongest.
     """
     rng = np.random.default_rng(5)
-    plane = TangentPlane(latitude_deg=47.4, longitude_deg=8.5)
-    start_ns = 1_700_000_000 * 10**9
     steps = [(10.0, 0.0, 0.0, 0.0)]
     for number in range(3):
         angle = 2.0 * math.pi * number / 3.0
         place = (300.0 * math.sin(angle), 300.0 * math.cos(angle))
         steps += [(25.0, *place, 0.0), (50.0, *place, 360.0), (5.0, *place, 0.0)]
     steps += [(25.0, 0.0, 0.0, 0.0)]
-    times = np.cumsum([0.0, *(one[0] for one in steps)])
-    turned = np.cumsum([10.0, *(one[3] for one in steps)])
-    ways = [[0.0, *(one[axis] for one in steps)] for axis in (1, 2)]
-
-    def at(time_s: float) -> tuple[float, float, float]:
-        east, north = (float(np.interp(time_s, times, way)) for way in ways)
-        return east, north, float(np.interp(time_s, times, turned))
-
-    attitudes, positions = [], []
-    for time_s in np.arange(0.0, times[-1], 0.5):
-        east, north, heading_deg = at(float(time_s))
-        time_ns = start_ns + round(time_s * 1e9)
-        latitude, longitude = plane.to_geodetic(east, north)
-        quaternion = from_euler_deg(heading_deg, 0.0, 0.0)
-        attitudes.append(AttitudeSample(time_ns=time_ns, quaternion_wxyz=quaternion))
-        positions.append(
-            PositionSample(
-                time_ns=time_ns,
-                latitude_deg=float(latitude),
-                longitude_deg=float(longitude),
-                altitude_amsl_m=540.0,
-                altitude_relative_m=40.0,
-            )
-        )
-    heard = np.arange(0.4, times[-1] - 0.6, 2.0)
+    corners = np.array([(0.0, 0.0, 0.0, 10.0), *steps])
+    corners[:, [0, 3]] = corners[:, [0, 3]].cumsum(axis=0)
+    way = Way(corners, plane=TangentPlane(latitude_deg=47.4, longitude_deg=8.5))
+    heard = np.arange(0.4, way.end_s - 0.6, 2.0)
     pulses = []
     for number, time_s in enumerate(heard):
-        east, north, heading_deg = at(float(time_s))
-        towards_deg = math.degrees(math.atan2(40.0 - east, 60.0 - north)) - heading_deg
+        off_deg, away_m = way.seen(time_s, (40.0, 60.0))
         if number in (0, len(heard) - 1):
-            towards_deg += 90.0
-        gain_db = float(PATTERNS["RA-23K"].gain_db([towards_deg])[0])
-        far_db = 20.0 * math.log10(math.dist((east, north), (40.0, 60.0)) / 300.0)
-        snr_db = 25.0 + gain_db - far_db + float(rng.normal(0.0, 1.2))
-        pulse = made.pulse(start_ns + round((time_s + offset_s) * 1e9), snr_db=snr_db)
-        pulses.append(PulsePose(pulse=pulse, pose=None))
-    track = VehicleTrack(kind="x", attitudes=tuple(attitudes), positions=tuple(positions))
-    return pulses, track
+            off_deg += 90.0
+        gain_db = float(PATTERNS["RA-23K"].gain_db(off_deg))
+        snr_db = 25.0 + gain_db - 20.0 * math.log10(away_m / 300.0) + rng.normal(0.0, 1.2)
+        pulses.append(unposed(way.pulse(time_s + offset_s, snr_db, way.pose(time_s))))
+    poses = way.poses(0.5)
+    attitudes = (
+        AttitudeSample(time_ns=one.time_ns, quaternion_wxyz=one.quaternion_wxyz)
+        for one in poses
+    )
+    positions = (
+        PositionSample(
+            time_ns=one.time_ns,
+            latitude_deg=one.latitude_deg,
+            longitude_deg=one.longitude_deg,
+            altitude_amsl_m=one.altitude_amsl_m,
+            altitude_relative_m=one.altitude_relative_m,
+        )
+        for one in poses
+    )
+    return pulses, VehicleTrack(
+        kind="x", attitudes=tuple(attitudes), positions=tuple(positions)
+    )
 
 
-@pytest.mark.parametrize("offset_s", [0.25, -0.25])
+@pytest.mark.parametrize("offset_s", share([0.25, -0.25], 2))
 def test_a_pulse_at_the_track_s_edge_does_not_choose_the_offset(offset_s: float) -> None:
     """It was +0.70 ± 0.01 s for 0.25: there the odd first pulse was no longer covered."""
     found = estimate_offset(*turned_thrice(offset_s))

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START_NS, TAGS, record
+from archived import CENTER_HZ, RATE_HZ, START_NS, TAGS, manifest, record
 from gapped import write_gapped
 
 from uavrt.analysis.archive.batch_run import run_batch
@@ -20,18 +20,14 @@ from uavrt.flight.database.writer_lock import WriterLock
 
 SOUGHT = TagSource(tags=TAGS)
 SETTINGS = BatchSettings(cell_s=30.0, lead_in_s=10.0)
-LINES = f"{COLUMNS}\n"
 
 
 @pytest.fixture(name="archive", scope="module")
 def archive_fixture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("archive")
-    lines = LINES
     for number, length_s in enumerate((75.0, 35.0)):
-        name = f"walk_{number}.cf32"
-        record(folder / name, length_s, number)
-        lines += f"{name},,{RATE_HZ},{CENTER_HZ},2026-05-0{number + 1}T06:00:00Z\n"
-    (folder / "manifest.csv").write_text(lines)
+        record(folder / f"walk_{number}.cf32", length_s, number)
+    manifest(folder, "walk_0.cf32", "walk_1.cf32")
     return folder
 
 
@@ -129,7 +125,7 @@ def test_a_gap_is_counted_once_and_a_flight_ends_after_it(tmp_path: Path) -> Non
         gap_s=(25.0, 85.0),
         kind="right",
     )
-    (folder / "manifest.csv").write_text(LINES)
+    manifest(folder)
     (row,) = run(folder, output).rows
     assert (row.length_s, row.lost_samples, row.cells) == (50.0, round(60.0 * RATE_HZ), 3)
     (flight,) = find_flights(output).flights
@@ -149,13 +145,7 @@ def test_a_broken_recording_is_named_and_the_others_are_done(tmp_path: Path) -> 
         file.write(b"\x00\x00\x00")
     (folder / "empty.cf32").touch()
     (folder / "broken.sigmf-meta").write_text("{")
-    (folder / "manifest.csv").write_text(
-        LINES
-        + "".join(
-            f"{name}.cf32,,{RATE_HZ},{CENTER_HZ},2026-05-01T06:00:00Z\n"
-            for name in ("whole", "cut", "empty")
-        )
-    )
+    manifest(folder, "whole.cf32", "cut.cf32", "empty.cf32")
     summary = run(folder, output)
     said = {Path(row.path).name: (row.state, row.fault or "") for row in summary.rows}
     assert said["whole.cf32"] == ("done", "")

@@ -4,8 +4,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from archived import TAGS, write_flight
-from command_line import uavrt
+from archived import TAG_LINE, TAGS, write_flight
+from command_line import Ran
 from past_flight import write_flight as write_heard
 from sql import sql
 
@@ -14,8 +14,6 @@ from uavrt.analysis.archive.parquet.questions import ask
 from uavrt.analysis.archive.recordings import find_recordings
 from uavrt.analysis.archive.steps.batch_settings import BatchSettings, BatchSummary
 from uavrt.analysis.measure.tag_source import TagSource
-
-LINE = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n"
 
 
 def search(output: Path, *paths: Path) -> BatchSummary:
@@ -50,15 +48,14 @@ def heard(output: Path) -> tuple[list[str], int]:
 
 
 def test_the_drones_and_the_ground_stations_record_are_one_flight(
-    both: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    both: tuple[Path, Path], tmp_path: Path, ran: Ran
 ) -> None:
     output, tags = tmp_path / "searched", tmp_path / "tags.txt"
-    tags.write_text(LINE)
-    paths = (str(tmp_path / "ground"), str(tmp_path / "drone-1"))
-    command = ("batch", *paths, "--tags", str(tags), "-o", str(output), "--workers", "1")
+    tags.write_text(TAG_LINE)
+    paths = (tmp_path / "ground", tmp_path / "drone-1")
+    command = ("batch", *paths, "--tags", tags, "-o", output, "--workers", 1)
     for _ in range(2):
-        assert uavrt(*command) == 0
-        assert "1 flight skipped: copies" in capsys.readouterr().err
+        assert "1 flight skipped: copies" in ran(*command).err
         names, pulses = heard(output)
         assert (len(names), pulses) == (1, 72)
         (row,) = ask(output, "select path, copies from flights").to_pylist()

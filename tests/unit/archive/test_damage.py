@@ -12,14 +12,22 @@ from typing import Any
 import depth
 import pyarrow.parquet as pq
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_flight
+from archived import TAGS, manifest, record, write_flight
 from past_flight import write_flight as write_heard
 from power_cut import Names, moments
 
 from uavrt.analysis.archive.batch_run import run_batch
-from uavrt.analysis.archive.parquet.ledger import ASIDE
+from uavrt.analysis.archive.parquet.ledger import ASIDE, Ledger
 from uavrt.analysis.archive.parquet.months import INDEX
-from uavrt.analysis.archive.parquet.parquet_tables import FLIGHTS, RECORDINGS, ROWS, TABLES
+from uavrt.analysis.archive.parquet.parquet_tables import (
+    DONE,
+    FLIGHTS,
+    PULSES,
+    RECORDINGS,
+    ROWS,
+    TABLES,
+    RecordingRow,
+)
 from uavrt.analysis.archive.parquet.seals import read_note, write_note
 from uavrt.analysis.archive.recordings import Found, find_recordings, read_manifest
 from uavrt.analysis.archive.steps.batch_settings import BatchSettings, BatchSummary
@@ -66,12 +74,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     (flight / "iq").mkdir(exist_ok=True)
     record(flight / "iq" / "a.cf32", 14.0, 1, tags=TAGS[:1])
     record(folder / "b.cf32", 24.0, 2, tags=TAGS[:1])
-    lines = [
-        f"{name},,{RATE_HZ},{CENTER_HZ},{START}" for name in ("flight_a/iq/a.cf32", "b.cf32")
-    ]
-    (folder / "manifest.csv").write_text("\n".join((COLUMNS, *lines)) + "\n")
     write_heard(folder, 120.0, 300.0)
-    return find_recordings([folder], read_manifest(folder / "manifest.csv"))
+    told = read_manifest(manifest(folder, "flight_a/iq/a.cf32", "b.cf32"))
+    return find_recordings([folder], told)
 
 
 @pytest.fixture(scope="module")
@@ -240,3 +245,43 @@ def test_an_output_that_may_not_be_read_is_not_taken_for_damaged(
     with pytest.raises(RecordingError, match=r"Permission denied.*access"):
         search(found, output)
     assert sorted(output.rglob("*")) == before
+
+
+KEY = "0123456789abcdef"
+
+
+def load(output: Path) -> dict[str, str]:
+    return Ledger(output, DONE, RecordingRow, [PULSES]).damaged
+
+
+def put(output: Path, name: str, content: bytes) -> str:
+    (output / name).parent.mkdir(exist_ok=True)
+    (output / name).write_bytes(content)
+    return name
+
+
+def test_a_kill_after_the_row_was_set_aside_does_not_lose_its_tables(tmp_path: Path) -> None:
+    row = put(tmp_path, f"{DONE}/{KEY}.json", b"{}")
+    assert row in load(tmp_path)
+    # Its table is still there, as after a kill at this moment.
+    table = put(tmp_path, f"{PULSES}/{KEY}.parquet", b"pulses")
+    assert table in load(tmp_path)
+    assert (tmp_path / ASIDE / table).read_bytes() == b"pulses"
+    assert load(tmp_path) == {}
+
+
+def test_a_table_of_no_row_is_removed_where_every_row_can_be_read(tmp_path: Path) -> None:
+    table = put(tmp_path, f"{PULSES}/{KEY}.parquet", b"pulses")
+    assert load(tmp_path) == {table: "no finished recording or flight refers to it"}
+    assert not (tmp_path / table).exists()
+    assert not (tmp_path / ASIDE).exists()
+
+
+def test_what_is_set_aside_replaces_nothing_that_was_set_aside_before(tmp_path: Path) -> None:
+    contents = [b"{}", b"[]", b"3"]
+    for content in contents:
+        row = put(tmp_path, f"{DONE}/{KEY}.json", content)
+        assert row in load(tmp_path)
+    kept = sorted((tmp_path / ASIDE / DONE).iterdir())
+    assert sorted(one.read_bytes() for one in kept) == sorted(contents)
+    assert all(one.suffix == ".json" for one in kept)

@@ -1,7 +1,8 @@
-"""Everything below a path is searched or named; tags outside of a band are named, too."""
+"""Everything below a path is searched or named, and what is not as it should be is named."""
 
 import json
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,16 +10,28 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record, write_flight
-from command_line import uavrt
+from archived import (
+    CENTER_HZ,
+    COLUMNS,
+    RATE_HZ,
+    START,
+    TAG_LINE,
+    TAGS,
+    manifest,
+    record,
+    write_flight,
+)
+from command_line import Ran
 
 from uavrt.analysis.archive import recordings
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.recordings import find_recordings
 from uavrt.analysis.archive.steps.batch_settings import BatchSettings
 from uavrt.analysis.measure.tag_source import TagSource
+from uavrt.config.tags.tag_files import write_tags
+from uavrt.dsp.input_check import GAIN_TOO_HIGH
 
-LINES = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n4, 150706000, 1210, 20, 20, 10, 3, 0.02\n"
+LINES = TAG_LINE + "4, 150706000, 1210, 20, 20, 10, 3, 0.02\n"
 
 
 def test_every_entry_is_searched_or_named(
@@ -63,17 +76,16 @@ def test_every_entry_is_searched_or_named(
 
 
 def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     root = tmp_path / "archive"
     flight = write_flight(root / "a", length_s=5.0)
     flight.rename(root / os.fsdecode(b"se\xf1al"))
     for name in (b"a\xe9.cf32", b"b.cf32"):
         (root / os.fsdecode(name)).write_bytes(bytes(800))
-    (tmp_path / "tags.txt").write_text(LINES.splitlines()[0] + "\n")
-    command = ("batch", str(root), "--tags", str(tmp_path / "tags.txt"), "--workers", "1")
-    assert uavrt(*command, "-o", str(tmp_path / "out")) == 1
-    said = capsys.readouterr().err
+    (tmp_path / "tags.txt").write_text(TAG_LINE)
+    command = ("batch", root, "--tags", tmp_path / "tags.txt", "--workers", 1)
+    said = ran(*command, "-o", tmp_path / "out", ends=1).err
     for shown in ("a\\xe9.cf32", "se\\xf1al"):
         assert (
             f"{root}/{shown} skipped: the file name is not UTF-8 text (rename the file)" in said
@@ -82,22 +94,19 @@ def test_names_that_are_not_utf_8_are_named_and_the_others_searched(
     assert pq.read_table(tmp_path / "out" / "passed_over.parquet").num_rows == 2
 
 
-def test_the_command_names_them_and_keeps_a_list(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_names_them_and_keeps_a_list(tmp_path: Path, ran: Ran) -> None:
     root, output = tmp_path / "archive", tmp_path / "archive" / "searched"
     root.mkdir()
-    (tmp_path / "tags.txt").write_text(LINES.splitlines()[0] + "\n")
+    (tmp_path / "tags.txt").write_text(TAG_LINE)
     (root / f"gqrx_20260501_060000_148700000_{RATE_HZ:.0f}_fc.raw").write_bytes(
         np.zeros(96_000, np.complex64).tobytes()
     )
     for number in range(3):
         (root / f"{number}.jpg").touch()
     (root / "c.sigmf-data").touch()
-    command = ("batch", str(root), "--tags", str(tmp_path / "tags.txt"), "--workers", "1")
+    command = ("batch", root, "--tags", tmp_path / "tags.txt", "--workers", 1)
     for _ in range(2):  # its own output is no part of the archive
-        assert uavrt(*command, "-o", str(output)) == 1
-        said = capsys.readouterr().err
+        said = ran(*command, "-o", output, ends=1).err
         assert f"3 files .jpg skipped, such as {root}/0.jpg: the file name is not" in said
         assert f"{root}/c.sigmf-data skipped: its .sigmf-meta is missing" in said
     assert pq.read_table(output / "passed_over.parquet").num_rows == 4
@@ -105,21 +114,20 @@ def test_the_command_names_them_and_keeps_a_list(
 
 
 def test_tags_outside_of_a_recordings_band_are_named_and_the_others_found(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     (tmp_path / "tags.txt").write_text(LINES)
     record(tmp_path / "a.cf32", 16.0, 1, tags=TAGS[:1])
-    place = ("--sample-rate", str(RATE_HZ), "--center-frequency", str(CENTER_HZ))
-    command = ("detect", str(tmp_path / "a.cf32"), "--tags", str(tmp_path / "tags.txt"))
-    assert uavrt(*command, *place, "--start-time", START) == 0
-    told = capsys.readouterr()
+    place = ("--sample-rate", RATE_HZ, "--center-frequency", CENTER_HZ)
+    command = ("detect", tmp_path / "a.cf32", "--tags", tmp_path / "tags.txt")
+    told = ran(*command, *place, "--start-time", START)
     assert "tag 4 at 150.706000 MHz is outside of this recording's band" in told.err
     pulses = [json.loads(line) for line in told.out.splitlines()]
     assert {one["tag_id"] for one in pulses} == {2}
     assert len(pulses) >= 10
     # None of them inside: refused, as before.
-    assert uavrt(*command, "--sample-rate", "24000", "--center-frequency", "160e6") == 2
-    assert "outside the usable span" in capsys.readouterr().err
+    beyond = ("--sample-rate", 24000, "--center-frequency", 160e6)
+    assert "outside the usable span" in ran(*command, *beyond, ends=2).err
 
 
 def test_an_archive_of_two_bands_needs_one_list_of_tags(tmp_path: Path) -> None:
@@ -145,3 +153,24 @@ def test_an_archive_of_two_bands_needs_one_list_of_tags(tmp_path: Path) -> None:
     pulses = pq.read_table(tmp_path / "out" / "pulses").to_pylist()
     heard = {(one["flight"], one["tag_id"]) for one in pulses}
     assert heard == {("low", 2), ("high", 4)}
+
+
+def test_the_table_of_recordings_names_a_tag_off_its_label_and_a_wrong_gain(
+    tmp_path: Path, ran: Ran
+) -> None:
+    folder, output = tmp_path / "archive", tmp_path / "output"
+    folder.mkdir()
+    off = replace(TAGS[0], frequency_hz=TAGS[0].frequency_hz + 900.0)
+    record(folder / "off.cf32", 25.0, 1, tags=(off, TAGS[1]))
+    samples = np.fromfile(folder / "off.cf32", np.float32)
+    np.clip(700.0 * samples, -1.0, 1.0).tofile(folder / "off.cf32")
+    write_tags(tmp_path / "tags.toml", TAGS)
+    inputs = ("--tags", tmp_path / "tags.toml", "--manifest", manifest(folder, "off.cf32"))
+    said = ran("batch", folder, *inputs, "--workers", 1, "-o", output).err
+    table = pq.read_table(output / "recordings.parquet")
+    (beeps,) = table["beeps"].to_pylist()
+    assert beeps.count("\n") == 0, "the other tag is as listed"
+    assert re.search(r": tag 2, (89|90)\d Hz above its label", beeps)
+    assert table["input_faults"].to_pylist() == [GAIN_TOO_HIGH]
+    assert "1 recording with signals unlike the tag list (beeps in recordings.parquet)" in said
+    assert "1 recording with poor samples (input_faults in recordings.parquet)" in said

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from archived import TAGS
-from command_line import uavrt
+from command_line import Ran
 from past_flight import write_flight
 
 from uavrt.analysis.archive.batch_run import run_batch
@@ -30,17 +30,12 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 def test_the_files_of_a_flight_are_those_of_its_own_export(
-    searched: tuple[Path, Path], tmp_path: Path
+    searched: tuple[Path, Path], tmp_path: Path, ran: Ran
 ) -> None:
     archive, flight = searched
-    formats = ("csv", "geojson", "gpx", "movebank", "uavrt")
-    assert uavrt("export", str(flight), "--format", *formats, "-o", str(tmp_path / "own")) == 0
-    assert (
-        uavrt(
-            "archive", "export", str(archive), "--format", *formats, "-o", str(tmp_path / "of")
-        )
-        == 0
-    )
+    formats = ("--format", "csv", "geojson", "gpx", "movebank", "uavrt")
+    ran("export", flight, *formats, "-o", tmp_path / "own")
+    ran("archive", "export", archive, *formats, "-o", tmp_path / "of")
     own = {path.name: path.read_bytes() for path in (tmp_path / "own").iterdir()}
     written = {
         path.name: path.read_bytes() for path in (tmp_path / "of" / flight.name).iterdir()

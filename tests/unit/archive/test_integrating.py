@@ -1,14 +1,13 @@
 """A batch judges whole flights by the channels that they kept, as `uavrt integrate` does."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import made
 import numpy as np
 import pytest
-from command_line import uavrt
-from tests.unit.whole_flight.conftest import RATE_HZ, rotation
+from command_line import Ran
+from tests.unit.whole_flight.conftest import keep_channel, rotation
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.parquet.questions import ask
@@ -16,15 +15,11 @@ from uavrt.analysis.archive.recordings import find_recordings
 from uavrt.analysis.archive.steps.batch_settings import USUAL_STEPS, BatchSettings
 from uavrt.analysis.measure.tag_source import TagSource
 from uavrt.core.errors import UsageError
-from uavrt.flight.samples.channel_recorder import ChannelRecorder
-from uavrt_experiments.detection.signals import START_NS
 
 ASKED = BatchSettings(steps=(*USUAL_STEPS, "integrate"))
 
 
-def test_an_archive_tells_which_tags_whole_flights_show(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_archive_tells_which_tags_whole_flights_show(tmp_path: Path, ran: Ran) -> None:
     weak = rotation(3, 6.0)
     directory = tmp_path / "archive" / "flight_log_2023-11-14_22-13-20"
     unkept = replace(weak.tag, tag_id=9, frequency_hz=weak.tag.frequency_hz + 50_000.0)
@@ -37,27 +32,13 @@ def test_an_archive_tells_which_tags_whole_flights_show(
     assert (before.placed_now, before.flights[0].state) == (1, "done")
     assert not ask(output, "SELECT * FROM integrated").num_rows
 
-    keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
-    keeping.put(
-        [
-            made.channel_block(
-                weak.samples.astype(np.complex64),
-                0,
-                RATE_HZ,
-                start_ns=START_NS,
-                center_frequency_hz=weak.tag.frequency_hz,
-            )
-        ]
-    )
-    keeping.close()
+    keep_channel(directory, weak)
     found = find_recordings([directory.parent], None)
     after = run_batch(found, sought, output, ASKED)
     assert after.placed_now == 1  # its samples have come: it is judged again
     assert run_batch(found, sought, output, ASKED).placed_now == 0
     (row,) = ask(output, "SELECT * FROM integrated").to_pylist()
-    capsys.readouterr()
-    assert uavrt("integrate", str(directory), "--tag", str(weak.tag.tag_id), "--json") == 0
-    (alone,) = json.loads(capsys.readouterr().out)
+    (alone,) = ran("integrate", directory, "--tag", weak.tag.tag_id, "--json").json
     assert row["found"]
     assert row["flight"] == directory.name
     for name in ("tag_id", "false_alarm_probability", "interval_s", "frequency_hz"):

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
-from command_line import uavrt
+from command_line import Ran
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.parquet.flight_search import find_flights
@@ -63,12 +63,12 @@ def test_a_special_name_is_the_same_in_every_table(special: tuple[Path, Path]) -
 
 
 def test_a_flight_of_a_special_name_is_exported_by_it(
-    special: tuple[Path, Path], tmp_path: Path
+    special: tuple[Path, Path], tmp_path: Path, ran: Ran
 ) -> None:
     _, output = special
     for name in SPECIAL:
-        command = ("archive", "export", str(output), "--flight", name, "--format", "csv")
-        assert uavrt(*command, "-o", str(tmp_path)) == 0
+        command = ("archive", "export", output, "--flight", name, "--format", "csv")
+        ran(*command, "-o", tmp_path)
     written = sorted(tmp_path.rglob("pulses.csv"))
     assert len(written) == 3
     assert {one.parent.name for one in written[:2]} == {
@@ -78,7 +78,7 @@ def test_a_flight_of_a_special_name_is_exported_by_it(
     assert written[2].parent == tmp_path / "my walk"
 
 
-def test_recordings_of_the_same_name_are_flights_of_their_own(tmp_path: Path) -> None:
+def test_recordings_of_the_same_name_are_flights_of_their_own(tmp_path: Path, ran: Ran) -> None:
     folder, output = tmp_path / "archive", tmp_path / "searched"
     archive_of(folder, "2023/walk", "2024/walk", "2024/other")
     search(folder, output)
@@ -87,8 +87,7 @@ def test_recordings_of_the_same_name_are_flights_of_their_own(tmp_path: Path) ->
         assert names_in(output, table) == names, table
     (heard,) = ask(output, "select count(distinct flight) as n from pulses")["n"].to_pylist()
     assert heard == 3
-    command = ("archive", "export", str(output), "--format", "csv", "-o", str(tmp_path / "of"))
-    assert uavrt(*command) == 0
+    ran("archive", "export", output, "--format", "csv", "-o", tmp_path / "of")
     for name in names:
         rows = (tmp_path / "of" / name / "pulses.csv").read_text().splitlines()
         (pulses,) = ask(output, f"select count(*) as n from pulses where flight = '{name}'")[

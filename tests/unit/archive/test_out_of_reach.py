@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, heard_amplitude, record
-from archived import write_flight as write_turned
+from archived import TAGS, manifest, record, recorded_flight, write_flight
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.parquet.questions import ask
@@ -19,9 +18,7 @@ OTHER_CELLS = BatchSettings(cell_s=70.0)
 
 
 def found_in(folder: Path, name: str, place: Path | str | None = None) -> Found:
-    manifest = folder / "manifest.csv"
-    manifest.write_text(f"{COLUMNS}\n{name},,{RATE_HZ},{CENTER_HZ},{START}\n")
-    return find_recordings([place or folder], read_manifest(manifest))
+    return find_recordings([place or folder], read_manifest(manifest(folder, name)))
 
 
 def count(output: Path, table: str = "pulses") -> int:
@@ -41,9 +38,7 @@ def run(
 def flown(tmp_path: Path) -> tuple[Path, Found, Path]:
     """A flight with a recording, as it was searched; what was found; and the tables."""
     folder, output = tmp_path / "archive", tmp_path / "searched"
-    flight = write_turned(folder / "flight_a")
-    (flight / "iq").mkdir(exist_ok=True)
-    record(flight / "iq" / "a.cf32", 90.0, 1, tags=TAGS[:1], amplitude=heard_amplitude)
+    flight = recorded_flight(folder)
     found = found_in(folder, "flight_a/iq/a.cf32")
     summary, told = run(found, output)
     assert (summary.done_now, summary.placed_now, told) == (1, 1, [])
@@ -98,7 +93,7 @@ def test_a_flight_that_cannot_be_reached_keeps_its_positions(
 
 def test_what_was_never_done_and_is_away_has_failed(tmp_path: Path) -> None:
     folder = tmp_path / "archive"
-    write_turned(folder / "flight_a")
+    write_flight(folder / "flight_a")
     record(folder / "a.cf32", 15.0, 1, tags=TAGS[:1])
     found = found_in(folder, "a.cf32")
     shutil.move(folder, tmp_path / "away")

@@ -1,6 +1,5 @@
 """Bearings and positions of an archive are those of `uavrt localize`, flight by flight."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,12 @@ from archived import (
     COLUMNS,
     RATE_HZ,
     START,
+    TAG_LINE,
     TAGS,
-    heard_amplitude,
     poses,
-    record,
-    write_flight,
+    recorded_flight,
 )
-from command_line import uavrt
+from command_line import Ran
 from past_flight import write_flight as write_heard
 
 from uavrt.analysis.archive.batch_run import run_batch
@@ -29,7 +27,7 @@ from uavrt.analysis.archive.steps.flight_work import PlacingSettings
 from uavrt.analysis.measure.tag_source import TagSource, read_tag_source
 from uavrt.core.errors import UsageError
 
-TAG_LINE = "2, 148706000, 1210, 20, 20, 10, 3, 0.02\n"
+PLACE = ("--sample-rate", RATE_HZ, "--center-frequency", CENTER_HZ, "--start-time", START)
 
 
 def run(folder: Path, output: Path, settings: BatchSettings | None = None) -> BatchSummary:
@@ -41,11 +39,9 @@ def run(folder: Path, output: Path, settings: BatchSettings | None = None) -> Ba
     return run_batch(found, sought, output, settings or BatchSettings())
 
 
-def localized(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+def localized(ran: Ran, *arguments: object) -> dict[str, Any]:
     """What `uavrt localize` says of the only tag."""
-    capsys.readouterr()
-    assert uavrt("localize", *arguments, "--json") == 0
-    found: list[dict[str, Any]] = json.loads(capsys.readouterr().out)
+    found: list[dict[str, Any]] = ran("localize", *arguments, "--json").json
     assert len(found) == 1
     return found[0]
 
@@ -59,9 +55,7 @@ def same_place(row: dict[str, object], found: dict[str, Any]) -> bool:
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight with a recording; the same recording alone, with a track beside it."""
     folder = tmp_path_factory.mktemp("archive")
-    flight = write_flight(folder / "flight_a")
-    (flight / "iq").mkdir(exist_ok=True)
-    record(flight / "iq" / "a.cf32", 90.0, 1, tags=TAGS[:1], amplitude=heard_amplitude)
+    flight = recorded_flight(folder)
     (folder / "alone.cf32").write_bytes((flight / "iq" / "a.cf32").read_bytes())
     lines = [
         "time_ns,latitude_deg,longitude_deg,altitude_amsl_m,altitude_relative_m,qw,qx,qy,qz"
@@ -90,41 +84,30 @@ def searched(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_flight_is_placed_as_by_detect_and_localize(
-    archive: Path, searched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    archive: Path, searched: Path, tmp_path: Path, ran: Ran
 ) -> None:
-    again = tmp_path / "again"
-    place = ("--sample-rate", str(RATE_HZ), "--center-frequency", str(CENTER_HZ))
-    recording = str(archive / "flight_a" / "iq" / "a.cf32")
-    assert (
-        uavrt(
-            *("detect", recording, "--tags", str(archive / "tags.txt"), *place),
-            *("--start-time", START, "--flight", str(archive / "flight_a"), "-o", str(again)),
-        )
-        == 0
-    )
-    found = localized(capsys, str(again))
+    again, flight = tmp_path / "again", archive / "flight_a"
+    detect = ("detect", flight / "iq" / "a.cf32", "--tags", archive / "tags.txt", *PLACE)
+    ran(*detect, "--flight", flight, "-o", again)
+    found = localized(ran, again)
     (row,) = ask(searched, "select * from positions where flight = 'flight_a'").to_pylist()
     assert same_place(row, found)
     bearings = ask(searched, "select * from bearings where flight = 'flight_a'").to_pylist()
-    assert uavrt("bearing", str(again), "--json") == 0
-    said = json.loads(capsys.readouterr().out)
+    said = ran("bearing", again, "--json").json
     assert len(said) == 2
     for name in ("bearing_deg", "sigma_deg", "start_time_ns", "latitude_deg", "evidence"):
         assert [one[name] for one in bearings] == [one[name] for one in said]
 
 
 def test_a_recording_with_a_track_is_placed_as_by_attach_and_localize(
-    archive: Path, searched: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    archive: Path, searched: Path, tmp_path: Path, ran: Ran
 ) -> None:
     pulses, attached = tmp_path / "pulses.csv", tmp_path / "attached.csv"
-    place = ("--sample-rate", str(RATE_HZ), "--center-frequency", str(CENTER_HZ))
-    uavrt(
-        *("detect", str(archive / "alone.cf32"), "--tags", str(archive / "tags.txt"), *place),
-        *("--start-time", START, "-o", str(pulses)),
-    )
-    track = str(archive / "telemetry.csv")
-    uavrt("attach", str(pulses), track, "--clock-offset", "0", "-o", str(attached))
-    found = localized(capsys, str(attached))
+    detect = ("detect", archive / "alone.cf32", "--tags", archive / "tags.txt", *PLACE)
+    ran(*detect, "-o", pulses)
+    track = archive / "telemetry.csv"
+    ran("attach", pulses, track, "--clock-offset", 0, "-o", attached)
+    found = localized(ran, attached)
     (row,) = ask(searched, "select * from positions where flight = 'alone'").to_pylist()
     for name in ("latitude_deg", "longitude_deg", "radius95_m"):
         assert row[name] == pytest.approx(found[name], rel=1e-6)  # the file rounds
@@ -175,7 +158,7 @@ def test_only_the_steps_asked_for_are_done(archive: Path, tmp_path: Path) -> Non
 
 
 def test_a_flight_without_a_recording_gives_the_pulses_it_heard(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     folder, output = tmp_path / "archive", tmp_path / "searched"
     folder.mkdir()
@@ -188,11 +171,11 @@ def test_a_flight_without_a_recording_gives_the_pulses_it_heard(
     said = {row.flight: row.state for row in summary.flights}
     assert said == {name: "done", "flight_broken": "failed"}
     (row,) = ask(output, "select * from positions").to_pylist()
-    assert same_place(row, localized(capsys, str(folder / name)))
+    assert same_place(row, localized(ran, folder / name))
     assert ask(output, "select count(*) as n from pulses")["n"].to_pylist() == [72]
     # Its signal strength alone, as of a monopole.
     strength = replace(PlacingSettings(), antenna="monopole")
     run(folder, output, BatchSettings(placing=strength))
     (row,) = ask(output, "select * from positions").to_pylist()
-    found = localized(capsys, str(folder / name), "--antenna", "monopole")
+    found = localized(ran, folder / name, "--antenna", "monopole")
     assert (row["powers"], row["latitude_deg"]) == (found["powers"], found["latitude_deg"])

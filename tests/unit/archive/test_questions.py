@@ -4,7 +4,7 @@ import made
 import pyarrow as pa
 import pytest
 from archived_pulses import DAY_NS, recording_row
-from command_line import uavrt
+from command_line import Ran
 
 from uavrt.analysis.archive.parquet.parquet_tables import (
     RECORDINGS,
@@ -81,41 +81,37 @@ def test_a_wrong_question_or_place_is_named(archive: Path, tmp_path: Path) -> No
         ask(archive, QUESTIONS["tags"])
 
 
-def test_the_command_line_answers_as_table_as_json_and_as_file(
-    archive: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert uavrt("archive", "tags", str(archive)) == 0
-    assert "median_snr_db" in capsys.readouterr().out
-    assert uavrt("archive", "list", str(archive), "--json") == 0
-    assert '"flight": "07"' in capsys.readouterr().out
+def test_the_command_line_answers_as_table_as_json_and_as_file(archive: Path, ran: Ran) -> None:
+    assert "median_snr_db" in ran("archive", "tags", archive).out
+    assert '"flight": "07"' in ran("archive", "list", archive, "--json").out
     answer = archive / "answer.csv"
     question = "select tag_id, count(*) as n from pulses group by 1 order by 1"
-    assert uavrt("archive", "query", str(archive), question, "-o", str(answer)) == 0
+    query = ("archive", "query", archive, question, "-o", answer)
+    ran(*query)
     assert answer.read_text().split() == ['"tag_id","n"', "2,4", "4,2"]
-    assert uavrt("archive", "query", str(archive), question, "-o", str(answer)) == 2
-    assert "--overwrite" in capsys.readouterr().err
+    assert "--overwrite" in ran(*query, ends=2).err
 
 
-def test_answers_show_places_to_a_metre_and_small_numbers(
-    archive: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_answers_show_places_to_a_metre_and_small_numbers(archive: Path, ran: Ran) -> None:
     asked = "select 35.180113::double as latitude_deg, 1.5e-9 as noise_psd, 22.61::double as m"
-    assert uavrt("archive", "query", str(archive), asked) == 0
-    assert capsys.readouterr().out.split()[-3:] == ["35.180113", "1.5e-09", "22.6"]
+    shown = ran("archive", "query", archive, asked).out.split()
+    assert shown[-3:] == ["35.180113", "1.5e-09", "22.6"]
 
 
-def test_lists_are_written_into_a_csv_file_as_text(archive: Path, tmp_path: Path) -> None:
-    table = tmp_path / "pulses.csv"
-    assert (
-        uavrt("archive", "query", str(archive), "select * from pulses", "-o", str(table)) == 0
-    )
-    assert '"[4, 6]"' in table.read_text().splitlines()[1]
-
-
-def test_a_text_that_begins_as_a_formula_is_none_in_a_csv_file(
-    archive: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        ("select also_possible_tag_ids from pulses", '"[4, 6]"'),
+        (
+            "select '=1+1' as name, '-3.5' as number, null::varchar as missing",
+            '"\'=1+1","-3.5",',
+        ),
+    ],
+    ids=["list", "formula"],
+)
+def test_lists_and_what_begins_as_a_formula_are_text_in_a_csv_file(
+    archive: Path, tmp_path: Path, ran: Ran, asked: str, line: str
 ) -> None:
     table = tmp_path / "answer.csv"
-    asked = "select '=1+1' as name, '-3.5' as number, null::varchar as missing"
-    assert uavrt("archive", "query", str(archive), asked, "-o", str(table)) == 0
-    assert table.read_text().splitlines()[1] == '"\'=1+1","-3.5",'
+    ran("archive", "query", archive, asked, "-o", table)
+    assert table.read_text().splitlines()[1] == line

@@ -5,9 +5,8 @@ import re
 from inspect import signature
 from pathlib import Path
 
-import pytest
-from archived import TAGS, record
-from command_line import uavrt
+from archived import TAG_LINE, TAGS, record
+from command_line import Ran
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.recordings import find_recordings
@@ -49,17 +48,16 @@ def test_what_readers_say_of_options_is_said_of_the_manifest() -> None:
 
 
 def test_recordings_that_do_not_say_enough_are_told_by_columns(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     folder, tags = tmp_path / "archive", tmp_path / "tags.txt"
     folder.mkdir()
-    tags.write_text("2, 148706000, 1210, 20, 20, 10, 3, 0.02\n")
+    tags.write_text(TAG_LINE)
     record(folder / "a.cf32", 2.0, 1, tags=TAGS[:1])
     (folder / "b.wav").write_bytes(b"rubbish" * 100)
     (folder / "c.sigmf-meta").write_text("{")
-    command = ("batch", str(folder), "--tags", str(tags), "-o", str(tmp_path / "out"))
-    assert uavrt(*command, "--workers", "1") == 1
-    said = capsys.readouterr().err
+    command = ("batch", folder, "--tags", tags, "-o", tmp_path / "out", "--workers", 1)
+    said = ran(*command, ends=1).err
     for text in (
         "Give sample_rate_hz (in --manifest)",
         "Give its format (in --manifest)",

@@ -4,12 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import made
-import numpy as np
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, heard_amplitude, record
-from archived import write_flight as write_turned
-from tests.unit.whole_flight.conftest import RATE_HZ as CHANNEL_HZ
-from tests.unit.whole_flight.conftest import rotation
+from archived import TAGS, recorded_flight
+from tests.unit.whole_flight.conftest import keep_channel, rotation
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.parquet.questions import ask
@@ -22,8 +19,6 @@ from uavrt.analysis.archive.steps.batch_settings import (
 )
 from uavrt.analysis.archive.steps.flight_work import PlacingSettings
 from uavrt.analysis.measure.tag_source import TagSource
-from uavrt.flight.samples.channel_recorder import ChannelRecorder
-from uavrt_experiments.detection.signals import START_NS
 
 SOUGHT = TagSource(tags=TAGS[:1])
 
@@ -32,12 +27,7 @@ SOUGHT = TagSource(tags=TAGS[:1])
 def turned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, Path]:
     """A flight with a recording, searched and placed."""
     folder, output = (tmp_path_factory.mktemp(name) for name in ("archive", "searched"))
-    flight = write_turned(folder / "flight_a")
-    (flight / "iq").mkdir(exist_ok=True)
-    record(flight / "iq" / "a.cf32", 90.0, 1, tags=TAGS[:1], amplitude=heard_amplitude)
-    (folder / "manifest.csv").write_text(
-        f"{COLUMNS}\nflight_a/iq/a.cf32,,{RATE_HZ},{CENTER_HZ},{START}\n"
-    )
+    recorded_flight(folder)
     found = find_recordings([folder], read_manifest(folder / "manifest.csv"))
     assert run_batch(found, SOUGHT, output, BatchSettings()).placed_now == 1
     return found, output
@@ -77,16 +67,7 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, TagSource, 
     directory = folder / "flight_log_2023-11-14_22-13-20"
     info = replace(weak.flight.info, directory=str(directory), tags=(weak.tag,))
     made.flight(info, poses=weak.flight.poses)
-    keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
-    block = made.channel_block(
-        weak.samples.astype(np.complex64),
-        0,
-        CHANNEL_HZ,
-        start_ns=START_NS,
-        center_frequency_hz=weak.tag.frequency_hz,
-    )
-    keeping.put([block])
-    keeping.close()
+    keep_channel(directory, weak)
     return find_recordings([folder]), TagSource(tags=info.tags), output
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 import fsspec
 import pyarrow.parquet as pq
 import pytest
-from archived import CENTER_HZ, COLUMNS, RATE_HZ, START, TAGS, record
+from archived import CENTER_HZ, RATE_HZ, START, TAGS, manifest, record
 from fsspec.implementations.memory import MemoryFile
+from sigmf_meta import write_meta
+from some import some
 
 from uavrt.analysis.archive.batch_run import run_batch
 from uavrt.analysis.archive.recordings import find_recordings, read_manifest
@@ -51,9 +53,7 @@ def store(local: Path) -> Iterator[str]:
 
 
 def run(paths: list[Path | str], recording: str, folder: Path, output: Path) -> BatchSummary:
-    manifest = folder / "manifest.csv"
-    manifest.write_text(f"{COLUMNS}\n{recording},,{RATE_HZ},{CENTER_HZ},{START}\n")
-    found = find_recordings(paths, read_manifest(manifest))
+    found = find_recordings(paths, read_manifest(manifest(folder, recording)))
     assert len(found.recordings) == 1
     return run_batch(found, TagSource(tags=TAGS[:1]), output, SETTINGS)
 
@@ -113,13 +113,7 @@ def test_what_is_not_in_a_store_is_named(store: str) -> None:
 def test_headers_in_a_store_are_read_as_those_of_files(tmp_path: Path) -> None:
     system = fsspec.filesystem("memory")
     record(tmp_path / "a.sigmf-data", 12.0, 1, tags=TAGS[:1])
-    meta = (
-        '{"global": {"core:datatype": "cf32_le", "core:sample_rate": 24000, '
-        '"core:version": "1.0.0"}, "captures": [{"core:sample_start": 0, '
-        '"core:frequency": 148700000, "core:datetime": "2026-05-01T06:00:00Z"}], '
-        '"annotations": []}'
-    )
-    (tmp_path / "a.sigmf-meta").write_text(meta)
+    write_meta(tmp_path / "a", RATE_HZ, {"frequency": CENTER_HZ, "datetime": START})
     for ending in ("meta", "data"):
         system.pipe_file(
             f"/sigmf/a.sigmf-{ending}", (tmp_path / f"a.sigmf-{ending}").read_bytes()
@@ -131,9 +125,7 @@ def test_headers_in_a_store_are_read_as_those_of_files(tmp_path: Path) -> None:
         assert replace(one.layout, path=tmp_path) == replace(other.layout, path=tmp_path)
         one.skip_to(40_000)
         other.skip_to(40_000)
-        first, second = one.read(), other.read()
-    assert first is not None
-    assert second is not None
+        first, second = some(one.read()), some(other.read())
     assert first.time_ns == second.time_ns
     assert (first.samples == second.samples).all()
     system.rm("/sigmf", recursive=True)

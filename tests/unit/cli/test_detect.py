@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
 
 from uavrt.drone.ipc.pulse_datagram import PulseRecord
 from uavrt_experiments.detection.signals import THESIS_TAG, make_samples, pulse_train
@@ -60,21 +60,20 @@ def found(path: Path) -> list[dict[str, str]]:
     ],
 )
 def test_the_mode_asked_for_decides_what_is_found(
-    folder: Path, arguments: tuple[str, ...], pulses: int
+    folder: Path, ran: Ran, arguments: tuple[str, ...], pulses: int
 ) -> None:
-    assert uavrt("detect", "a.cf32", *RADIO, *arguments, "-o", "p.csv") == 0
+    ran("detect", "a.cf32", *RADIO, *arguments, "-o", "p.csv")
     assert len(found(folder / "p.csv")) == pytest.approx(pulses, abs=1 if pulses else 0)
 
 
-def test_a_mode_that_does_not_exist_is_refused_with_the_four(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+def test_a_mode_that_does_not_exist_is_refused_with_the_four(folder: Path, ran: Ran) -> None:
+    wrong = ("--tags", "tags.txt", "--mode", "hard")
+    assert "freqSearchHardLock" in ran("detect", "a.cf32", *RADIO, *wrong, ends=2).words
+
+
+def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(
+    folder: Path, ran: Ran
 ) -> None:
-    assert uavrt("detect", "a.cf32", *RADIO, "--tags", "tags.txt", "--mode", "hard") != 0
-    both = capsys.readouterr()
-    assert "freqSearchHardLock" in both.out + both.err
-
-
-def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(folder: Path) -> None:
     rng = np.random.default_rng(22)
     heard = pulse_train(
         rng, duration_s=20.0, interval_s=1.254, offset_hz=OFFSET_HZ, enr_db=20.0
@@ -86,7 +85,7 @@ def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(folder:
         place = f"127.0.0.1:{controller.getsockname()[1]}"
         start = ("--start-time", "2024-01-01T00:00:00Z")
         arguments = ("lost.cf32", *RADIO, *start, "--tags", "tags.txt", "-o", "p.csv")
-        assert uavrt("detect", *arguments, "--udp-pulses", place) == 0
+        ran("detect", *arguments, "--udp-pulses", place)
         records = []
         while True:
             try:
@@ -102,21 +101,20 @@ def test_a_controller_hears_that_nothing_was_found_only_while_nothing_is(folder:
 
 @pytest.mark.parametrize("cut", [0, 3])
 def test_pictures_are_drawn_of_what_there_is_also_when_the_file_is_cut_off(
-    folder: Path, capsys: pytest.CaptureFixture[str], cut: int
+    folder: Path, ran: Ran, cut: int
 ) -> None:
     whole = (folder / "a.cf32").read_bytes()
     (folder / "cut.cf32").write_bytes(whole[: len(whole) - cut])
     arguments = ("cut.cf32", *RADIO, "--tags", "tags.txt", "-o", "p.csv", "--plot", "pictures")
-    assert uavrt("detect", *arguments) == (2 if cut else 0)
+    said = ran("detect", *arguments, ends=2 if cut else 0).err
     assert len(found(folder / "p.csv")) == pytest.approx(11, abs=1)
     assert len(list((folder / "pictures").glob("*.png"))) == 3
-    said = capsys.readouterr().err
     assert ("middle of a sample" in said) == bool(cut)
     assert said.index("pulses, ") < said.index(".png")
 
 
-def test_nothing_is_drawn_when_nothing_was_read(folder: Path) -> None:
+def test_nothing_is_drawn_when_nothing_was_read(folder: Path, ran: Ran) -> None:
     (folder / "far.txt").write_text("2, 151710000, 1254, 20, 60, 10, 3, 0.01\n")
     arguments = ("a.cf32", *RADIO, "--tags", "far.txt", "-o", "p.csv", "--plot", "pictures")
-    assert uavrt("detect", *arguments) == 2
+    ran("detect", *arguments, ends=2)
     assert not list((folder / "pictures").glob("*"))

@@ -1,11 +1,11 @@
 """Whatever is wrong with what `uavrt detect` is given: one line with the remedy, status 2."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
+from sigmf_meta import write_meta
 
 TAG = "2, 148710000, 1254, 20, 60, 10, 3, 0.005\n"
 RADIO = ("--sample-rate", "250e3", "--center-frequency", "148.7e6")
@@ -30,11 +30,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         TAG.replace("1254", "-3") + "x\n" + TAG.replace("20", "nan")
     )
     return tmp_path
-
-
-def run(*arguments: str) -> int:
-    """Run `uavrt detect`; its exit status."""
-    return uavrt("detect", *arguments)
 
 
 @pytest.mark.parametrize(
@@ -73,70 +68,59 @@ def run(*arguments: str) -> int:
     ],
 )
 def test_bad_input_is_refused_with_the_remedy(
-    folder: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], remedy: str
+    folder: Path, ran: Ran, arguments: tuple[str, ...], remedy: str
 ) -> None:
     # A later --sample-rate stands for the one in RADIO.
     if arguments.count("--sample-rate") == 2:
         first = arguments.index("--sample-rate")
         arguments = arguments[:first] + arguments[first + 2 :]
-    assert run(*arguments) == 2
-    said = capsys.readouterr().err
+    said = ran("detect", *arguments, ends=2).err
     assert remedy in said
     assert "Traceback" not in said
 
 
-def test_all_tags_outside_the_span_are_listed_with_the_span(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_tags_outside_the_span_are_listed_with_the_span(folder: Path, ran: Ran) -> None:
     far = TAG.replace("2, 148710", "4, 151710") + TAG.replace("2, 148710", "6, 145710")
     (folder / "far.txt").write_text(far)
-    assert run("a.cf32", "--tags", "far.txt", *RADIO) == 2
-    said = capsys.readouterr().err
+    said = ran("detect", "a.cf32", "--tags", "far.txt", *RADIO, ends=2).err
     assert "151.710000, 145.710000 MHz outside the usable span" in said
     # With one of them inside, that one is searched.
     (folder / "far.txt").write_text(TAG + far)
-    assert run("a.cf32", "--tags", "far.txt", *RADIO) == 0
-    said = capsys.readouterr().err
+    said = ran("detect", "a.cf32", "--tags", "far.txt", *RADIO).err
     assert "tag 4 at 151.710000 MHz is outside of this recording's band" in said
     assert "tag 6 at 145.710000 MHz is outside of this recording's band" in said
     assert "tag 2: 0 pulses" in said
 
 
-def test_what_was_found_before_a_truncated_end_is_written(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_found_before_a_truncated_end_is_written(folder: Path, ran: Ran) -> None:
     rate, seconds = 250_000, 10
     t = np.arange(rate * seconds) / rate
     rng = np.random.default_rng(2)
     x = 0.01 * rng.standard_normal((t.size, 2)).view(complex)[:, 0]
     x += 0.004 * ((t % 1.254) < 0.020) * np.exp(2j * np.pi * 10e3 * t)
     (folder / "b.cf32").write_bytes(x.astype(np.complex64).tobytes() + b"abc")
-    assert run("b.cf32", "--tags", "tags.txt", *RADIO, "-o", "p.csv") == 2
-    assert "truncated" in capsys.readouterr().err
+    assert (
+        "truncated"
+        in ran("detect", "b.cf32", "--tags", "tags.txt", *RADIO, "-o", "p.csv", ends=2).err
+    )
     assert len((folder / "p.csv").read_text().splitlines()) >= 7
 
 
-def test_an_unwritable_place_is_named_before_the_work(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unwritable_place_is_named_before_the_work(folder: Path, ran: Ran) -> None:
     (folder / "there").mkdir()
-    assert run("a.cf32", "--tags", "tags.txt", *RADIO, "-o", "there") == 2
-    said = capsys.readouterr().err
+    said = ran("detect", "a.cf32", "--tags", "tags.txt", *RADIO, "-o", "there", ends=2).err
     assert "cannot write there" in said
     assert "real time" not in said
 
 
 @pytest.mark.parametrize("output", ["rec.sigmf-data", "rec.sigmf-meta", "tags.txt", "link"])
-def test_no_output_empties_what_is_read(
-    folder: Path, capsys: pytest.CaptureFixture[str], output: str
-) -> None:
+def test_no_output_empties_what_is_read(folder: Path, ran: Ran, output: str) -> None:
     (folder / "a.cf32").rename(folder / "rec.sigmf-data")
-    about = {"core:datatype": "cf32_le", "core:sample_rate": 250e3, "core:version": "1.0.0"}
-    captures = [{"core:sample_start": 0, "core:frequency": 148.7e6}]
-    meta = {"global": about, "captures": captures, "annotations": []}
-    (folder / "rec.sigmf-meta").write_text(json.dumps(meta))
+    write_meta(folder / "rec", 250e3, {"frequency": 148.7e6})
     (folder / "link").symlink_to("rec.sigmf-data")
     before = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    assert run("rec.sigmf-meta", "--tags", "tags.txt", "-o", output) == 2
-    assert "another name" in capsys.readouterr().err
+    assert (
+        "another name"
+        in ran("detect", "rec.sigmf-meta", "--tags", "tags.txt", "-o", output, ends=2).err
+    )
     assert all((folder / name).read_bytes() == content for name, content in before.items())

@@ -1,24 +1,12 @@
 """Help lists antennas, methods and formats as the registries have them."""
 
-import sys
-
 import pytest
+from command_line import Ran
 
 from uavrt.analysis.export.written import EXPORT_FORMATS
-from uavrt.cli.app import run
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.bearing.estimate_bearing import ADDED_METHODS as BEARING_METHODS
 from uavrt.localization.position.estimate_position import ADDED_METHODS as POSITION_METHODS
-
-
-def help_of(
-    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> str:
-    monkeypatch.setenv("COLUMNS", "400")
-    monkeypatch.setattr(sys, "argv", ["uavrt", command, "--help"])
-    with pytest.raises(SystemExit):
-        run()
-    return capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -32,11 +20,9 @@ def help_of(
     ],
 )
 def test_help_lists_what_the_registries_have(
-    command: str,
-    names: list[str],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    command: str, names: list[str], ran: Ran, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown = help_of(command, capsys, monkeypatch)
+    monkeypatch.setenv("COLUMNS", "400")
+    shown = ran(command, "--help").out
     assert "{" not in shown
     assert [name for name in names if name not in shown] == []

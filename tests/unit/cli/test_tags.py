@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
+from sigmf_meta import write_meta
 from tests.unit.cli import test_detect
 
 from uavrt.config.tags.tag_files import read_tags
@@ -40,12 +41,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, ran: Ran
 ) -> None:
     whole = (folder / "a.cf32").read_bytes()
     (folder / "a.cf32").write_bytes(whole[: len(whole) * 4 // 5 + 3])
-    assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
-    said = capsys.readouterr().err
+    said = ran("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml", ends=2).err
     assert said.count("all complete samples were used") == 1
     assert "16 pulses" in said
     (tag,) = read_tags(folder / "m.toml")
@@ -54,89 +54,76 @@ def test_a_recording_cut_off_in_mid_sample_is_measured_and_its_fault_told(
 
 
 def test_a_time_taken_from_the_files_date_is_told_with_the_measurement(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, ran: Ran
 ) -> None:
-    assert uavrt("tags", "measure", "a.cf32", *RADIO) == 0
-    assert "by the date of the file" in capsys.readouterr().err
+    assert "by the date of the file" in ran("tags", "measure", "a.cf32", *RADIO).err
     begun = ("--start-time", "2026-05-01T06:00:00Z")
-    assert uavrt("tags", "measure", "a.cf32", *RADIO, *begun) == 0
-    said = capsys.readouterr().err
+    said = ran("tags", "measure", "a.cf32", *RADIO, *begun).err
     assert "by the date of the file" not in said
     assert "2026-05-01T06:00:0" in said
 
 
 def test_a_cut_off_recording_without_a_tag_is_told_with_both_reasons(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, ran: Ran
 ) -> None:
     recording(folder / "a.cf32")
     with (folder / "a.cf32").open("ab") as file:
         file.write(b"123")
-    assert uavrt("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml") == 2
-    said = capsys.readouterr().err
+    said = ran("tags", "measure", "a.cf32", *RADIO, "-o", "m.toml", ends=2).err
     assert "all complete samples were used" in said
     assert "no regular pulses" in said
     assert not (folder / "m.toml").exists()
 
 
 @pytest.mark.parametrize("center", ["148.7", "0", "148700"])
-def test_a_centre_that_is_not_in_hertz_is_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str], center: str
-) -> None:
+def test_a_centre_that_is_not_in_hertz_is_refused(folder: Path, ran: Ran, center: str) -> None:
     line = f"tags measure a.cf32 --sample-rate 8e3 --center-frequency {center} -o m.toml"
-    assert uavrt(*line.split()) == 2
-    said = capsys.readouterr()
+    said = ran(*line.split(), ends=2)
     assert "in hertz, such as 148.7e6" in said.err
     assert said.out == ""
     assert not (folder / "m.toml").exists()
 
 
 def test_a_recording_that_says_a_wrong_centre_is_refused_with_the_right_one(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, ran: Ran
 ) -> None:
     (folder / "a.cf32").rename(folder / "a.sigmf-data")
-    (folder / "a.sigmf-meta").write_text(
-        '{"global": {"core:datatype": "cf32_le", "core:version": "1.0.0", '
-        '"core:sample_rate": 8000}, "captures": [{"core:sample_start": 0, '
-        '"core:frequency": 148.7}], "annotations": []}'
-    )
-    assert uavrt("tags", "measure", "a.sigmf-meta", "-o", "m.toml") == 2
-    said = capsys.readouterr().err
+    write_meta(folder / "a", RATE_HZ, {"frequency": 148.7})
+    said = ran("tags", "measure", "a.sigmf-meta", "-o", "m.toml", ends=2).err
     assert "looks like a value in megahertz" in said
     assert "--center-frequency 148.7e6" in said
     assert not (folder / "m.toml").exists()
 
 
-def test_the_names_of_several_tags_are_numbered(folder: Path) -> None:
+def test_the_names_of_several_tags_are_numbered(folder: Path, ran: Ran) -> None:
     recording(folder / "a.cf32", (-2000.0, 1.254), (2000.0, 1.1))
     line = ("tags", "measure", "a.cf32", *RADIO, "--id", "6", "--name", "Luna", "-o", "m.toml")
-    assert uavrt(*line) == 0
+    ran(*line)
     assert [(tag.tag_id, tag.name) for tag in read_tags(folder / "m.toml")] == [
         (6, "Luna 1"),
         (8, "Luna 2"),
     ]
 
 
-def test_a_detector_config_is_checked_and_converted(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert uavrt("tags", "check", "detectorConfig.txt") == 0
-    assert "tag 4: 148.710500 MHz, 20 ms every 1254 ms" in capsys.readouterr().out
-    assert uavrt("tags", "convert", "detectorConfig.txt", "m.toml") == 0
-    assert "operating mode" in capsys.readouterr().out
+def test_a_detector_config_is_checked_and_converted(folder: Path, ran: Ran) -> None:
+    assert (
+        "tag 4: 148.710500 MHz, 20 ms every 1254 ms"
+        in ran("tags", "check", "detectorConfig.txt").out
+    )
+    assert "operating mode" in ran("tags", "convert", "detectorConfig.txt", "m.toml").out
     (tag,) = read_tags(folder / "m.toml")
     assert (tag.tag_id, tag.frequency_hz, tag.k) == (4, 148_710_500.0, 3)
 
 
 @pytest.mark.parametrize(("interval_ms", "told"), [(750, True), (840, False)])
 def test_intervals_at_a_small_ratio_are_warned_of(
-    interval_ms: int, told: bool, folder: Path, capsys: pytest.CaptureFixture[str]
+    interval_ms: int, told: bool, folder: Path, ran: Ran
 ) -> None:
     (folder / "TagInfo.txt").write_text(
         "2, 148700000, 1500, 20, 5, 1, 3, 0.05\n"
         f"4, 148700000, {interval_ms}, 20, 5, 1, 3, 0.05\n"
     )
-    assert uavrt("tags", "check", "TagInfo.txt") == 0
-    said = capsys.readouterr()
+    said = ran("tags", "check", "TagInfo.txt")
     assert ("tags 2 and 4 may have the ratio 2 to 1" in said.out + said.err) == told
 
 
@@ -150,40 +137,36 @@ def test_intervals_at_a_small_ratio_are_warned_of(
     ],
 )
 def test_faults_of_a_detector_config_are_named(
-    folder: Path, capsys: pytest.CaptureFixture[str], written: str, instead: str, says: str
+    folder: Path, ran: Ran, written: str, instead: str, says: str
 ) -> None:
     (folder / "detectorConfig.txt").write_text(CONFIG.replace(written, instead))
-    assert uavrt("tags", "check", "detectorConfig.txt") == 2
-    said = capsys.readouterr().err
+    said = ran("tags", "check", "detectorConfig.txt", ends=2).err
     assert says in said
     assert "values instead of" not in said
-    assert uavrt("tags", "convert", "detectorConfig.txt", "m.toml") == 2
+    ran("tags", "convert", "detectorConfig.txt", "m.toml", ends=2)
     assert not (folder / "m.toml").exists()
 
 
 @pytest.mark.parametrize("target", ["m.csv", "m", "m.json", "DetectorConfig.txt"])
 def test_tags_are_written_only_under_names_of_tag_files(
-    folder: Path, capsys: pytest.CaptureFixture[str], target: str
+    folder: Path, ran: Ran, target: str
 ) -> None:
     for line in (("convert", "tags.txt", target), ("measure", "a.cf32", *RADIO, "-o", target)):
-        assert uavrt("tags", *line) == 2
-        said = capsys.readouterr()
+        said = ran("tags", *line, ends=2)
         assert "Choose a name that ends in .toml" in said.err
         assert "pulses" not in said.err  # told before the work
         assert not (folder / target).exists()
 
 
 def test_the_databases_of_tagtracker_are_checked_and_converted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     source, target = tmp_path / "TagInfo.db", tmp_path / "tags.toml"
     source.write_text("1;2;luna;1;146,123456\n0;4;sol;1;146,2\n")
-    assert uavrt("tags", "check", str(source)) != 0
-    assert "TagManufacturer.db" in capsys.readouterr().err
+    assert "TagManufacturer.db" in ran("tags", "check", source, ends=2).err
     makers = tmp_path / "TagManufacturer.db"
     makers.write_text("1;ATS;1333;2000;Moving;Resting;15;60;20\n")
-    assert uavrt("tags", "check", str(source)) == 0
-    assert "146.123456 MHz, 15 ms every 1333 and 2000 ms" in capsys.readouterr().out
-    assert uavrt("tags", "convert", str(source), str(target)) == 0
+    assert "146.123456 MHz, 15 ms every 1333 and 2000 ms" in ran("tags", "check", source).out
+    told = ran("tags", "convert", source, target).out
     assert [tag.name for tag in read_tags(target)] == ["luna", "sol"]
-    assert "4 is not selected" in capsys.readouterr().out
+    assert "4 is not selected" in told

@@ -1,6 +1,8 @@
 """``uavrt tags correct``: flights correct a tag list."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import made
 import pytest
@@ -15,45 +17,51 @@ TAG = made.tag(2, 148_710_000.0, interval_uncertainty_s=0.06, interval_jitter_s=
 OTHER = made.tag(4, 148_760_000.0, 1.0)
 
 
-@pytest.fixture
-def flight(tmp_path: Path) -> Path:
-    directory = tmp_path / "flight"
+def flown(directory: Path, *beeps: Beep) -> Path:
     recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
-    for pulses, away_hz in ((12, 600.0), (30, 640.0)):
-        recorder.write(
-            made.beep(
-                time_ns=pulses,
-                frequency_hz=TAG.frequency_hz + away_hz,
-                tag_ids=(2,),
-                offsets_hz=(away_hz,),
-                pulses=pulses,
-            )
-        )
-    recorder.write(
-        made.beep(
-            BeepKind.LISTED,
-            frequency_hz=OTHER.frequency_hz + 3.0,
-            interval_s=1.0013,
-            jitter_s=0.0012,
-            tag_ids=(4,),
-            offsets_hz=(3.0,),
-        )
-    )
-    recorder.write(
-        made.beep(
-            frequency_hz=148_900_000.0, interval_s=1.5, tag_ids=(2, 4), offsets_hz=(1.0, 2.0)
-        )
-    )
-    recorder.write(
-        made.beep(
-            frequency_hz=OTHER.frequency_hz - 6000.0,
-            tag_ids=(4,),
-            offsets_hz=(-6000.0,),
-            reason=mirrored_reason(4),
-        )
-    )
+    recorder.write(*beeps)
     recorder.close()
     return directory
+
+
+def measured(tag: Tag, kind: BeepKind, away_hz: float, **fields: Any) -> Beep:
+    return made.beep(
+        kind,
+        frequency_hz=tag.frequency_hz + away_hz,
+        tag_ids=(tag.tag_id,),
+        offsets_hz=(away_hz,),
+        **fields,
+    )
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    near = {"interval_s": 1.0013, "jitter_s": 0.0012}
+    return flown(
+        tmp_path / "flight",
+        *(
+            measured(TAG, BeepKind.OFF_LABEL, away_hz, time_ns=pulses, pulses=pulses)
+            for pulses, away_hz in ((12, 600.0), (30, 640.0))
+        ),
+        measured(OTHER, BeepKind.LISTED, 3.0, **near),
+        made.beep(
+            frequency_hz=148_900_000.0, interval_s=1.5, tag_ids=(2, 4), offsets_hz=(1.0, 2.0)
+        ),
+        measured(OTHER, BeepKind.OFF_LABEL, -6000.0, reason=mirrored_reason(4)),
+    )
+
+
+@pytest.fixture
+def tags(tmp_path: Path) -> Path:
+    """The list to be corrected."""
+    write_tags(tmp_path / "tags.toml", [TAG, OTHER])
+    return tmp_path / "tags.toml"
+
+
+@pytest.fixture
+def better(tmp_path: Path) -> Path:
+    """Where the corrected list is written."""
+    return tmp_path / "better.toml"
 
 
 def test_the_newest_measurement_of_each_sender_is_read_back(flight: Path) -> None:
@@ -67,10 +75,8 @@ def test_the_newest_measurement_of_each_sender_is_read_back(flight: Path) -> Non
 
 
 def test_a_flight_corrects_the_labels_of_a_list_and_says_what_was_listed(
-    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, tags: Path, better: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
-    write_tags(tags, [TAG, OTHER])
     correct(tags, flight, output=better)
     said = capsys.readouterr().out
     assert "tag 2: 148.710640 MHz, was 148.710000 MHz" in said
@@ -81,9 +87,8 @@ def test_a_flight_corrects_the_labels_of_a_list_and_says_what_was_listed(
 
 
 def test_measured_intervals_are_listed_when_asked_for_with_what_they_are_worth(
-    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path, tags: Path, better: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
     write_tags(tags, [TAG, made.tag(4, 148_760_000.0, 1.0, interval_uncertainty_s=0.06)])
     correct(tags, flight, output=better, intervals=True)
     said = capsys.readouterr().out
@@ -93,46 +98,29 @@ def test_measured_intervals_are_listed_when_asked_for_with_what_they_are_worth(
 
 
 def test_a_drift_within_the_search_is_listed_from_the_newest_flight(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    flights = [tmp_path / name for name in ("first", "second")]
-    for directory, drift_hz, time_ns in zip(flights, (260.0, 140.0), (20, 10), strict=True):
-        recorder = FlightRecorder.create(made.flight_info(directory, (TAG,)))
-        recorder.write(
-            made.beep(
-                BeepKind.LISTED,
-                time_ns=time_ns,
-                frequency_hz=TAG.frequency_hz + drift_hz,
-                tag_ids=(2,),
-                offsets_hz=(drift_hz,),
-            )
-        )
-        recorder.close()
-    tags = tmp_path / "tags.toml"
-    write_tags(tags, [TAG])
+    drifts = (("first", 260.0, 20), ("second", 140.0, 10))
+    flights = (
+        flown(tmp_path / name, measured(TAG, BeepKind.LISTED, drift_hz, time_ns=time_ns))
+        for name, drift_hz, time_ns in drifts
+    )
     correct(tags, *flights)
     said = capsys.readouterr().out
     assert said.startswith("tag 2: 148.710260 MHz, was 148.710000 MHz\n1 tag to correct")
 
 
 def test_frequency_and_interval_of_one_tag_are_corrected_together(
-    flight: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flight: Path,
+    tags: Path,
+    better: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    later = tmp_path / "later"
-    recorder = FlightRecorder.create(made.flight_info(later, (TAG,)))
-    recorder.write(
-        made.beep(
-            BeepKind.LISTED,
-            time_ns=99,
-            frequency_hz=148_710_643.0,
-            interval_s=1.2601,
-            tag_ids=(2,),
-            offsets_hz=(3.0,),
-        )
+    again = replace(
+        measured(TAG, BeepKind.LISTED, 643.0, time_ns=99, interval_s=1.2601), offsets_hz=(3.0,)
     )
-    recorder.close()
-    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
-    write_tags(tags, [TAG, OTHER])
+    later = flown(tmp_path / "later", again)
     correct(tags, later, flight, output=better, intervals=True)
     said = capsys.readouterr().out
     assert "tag 2: 148.710643 MHz, was 148.710000 MHz\n" in said
@@ -144,32 +132,13 @@ def test_frequency_and_interval_of_one_tag_are_corrected_together(
     assert corrected.pulse_intervals_s == pytest.approx((1.2601,))
 
 
-def flown(directory: Path, *beeps: Beep) -> Path:
-    recorder = FlightRecorder.create(made.flight_info(directory, (TAG, OTHER)))
-    for beep in beeps:
-        recorder.write(beep)
-    recorder.close()
-    return directory
-
-
-def measured(tag: Tag, kind: BeepKind, time_ns: int, away_hz: float, interval_s: float) -> Beep:
-    return made.beep(
-        kind,
-        time_ns=time_ns,
-        frequency_hz=tag.frequency_hz + away_hz,
-        interval_s=interval_s,
-        tag_ids=(tag.tag_id,),
-        offsets_hz=(away_hz,),
-    )
-
-
-def test_one_measurement_corrects_frequency_and_interval(tmp_path: Path) -> None:
-    tags, better = tmp_path / "tags.toml", tmp_path / "better.toml"
-    write_tags(tags, [TAG, OTHER])
+def test_one_measurement_corrects_frequency_and_interval(
+    tags: Path, better: Path, tmp_path: Path
+) -> None:
     flight = flown(
         tmp_path / "flight",
-        measured(TAG, BeepKind.LISTED, 1, 240.0, 1.2601),
-        measured(OTHER, BeepKind.OTHER_RATE, 1, -310.0, 0.75),
+        measured(TAG, BeepKind.LISTED, 240.0, interval_s=1.2601),
+        measured(OTHER, BeepKind.OTHER_RATE, -310.0, interval_s=0.75),
     )
     correct(tags, flight, output=better, intervals=True)
     tag, other = read_tags(better)
@@ -178,16 +147,14 @@ def test_one_measurement_corrects_frequency_and_interval(tmp_path: Path) -> None
 
 
 def test_a_tag_found_at_its_label_last_is_not_moved_by_what_earlier_flights_measured(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tags = tmp_path / "tags.toml"
-    write_tags(tags, [TAG, OTHER])
     flights = [
-        flown(tmp_path / "late", measured(TAG, BeepKind.LISTED, 9, 20.0, 1.254)),
+        flown(tmp_path / "late", measured(TAG, BeepKind.LISTED, 20.0, time_ns=9)),
         flown(
             tmp_path / "early",
-            measured(TAG, BeepKind.OFF_LABEL, 3, 700.0, 1.254),
-            measured(TAG, BeepKind.OTHER_RATE, 4, 400.0, 0.627),
+            measured(TAG, BeepKind.OFF_LABEL, 700.0, time_ns=3),
+            measured(TAG, BeepKind.OTHER_RATE, 400.0, time_ns=4, interval_s=0.627),
         ),
     ]
     correct(tags, *flights)
@@ -197,11 +164,9 @@ def test_a_tag_found_at_its_label_last_is_not_moved_by_what_earlier_flights_meas
 
 
 def test_an_offset_of_all_tags_is_printed_and_no_frequency_is_corrected(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    tags = tmp_path / "tags.toml"
-    write_tags(tags, [TAG, OTHER])
-    shifted = [measured(tag, BeepKind.LISTED, 5, 300.0, 1.0) for tag in (TAG, OTHER)]
+    shifted = [measured(tag, BeepKind.LISTED, 300.0) for tag in (TAG, OTHER)]
     correct(tags, flown(tmp_path / "flight", *shifted))
     said = capsys.readouterr().out
     assert "flight: the tags are +2.0 ppm off their labels" in said

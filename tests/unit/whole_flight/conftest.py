@@ -1,16 +1,26 @@
 """A rotation in place with a weak tag, as samples of its channel and poses."""
 
 import math
+from contextlib import closing
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import made
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from uavrt.core.messages import Pose, Tag
+from uavrt.analysis.whole_flights.judged_flights import (
+    IntegratedTag,
+    WholeFlightOptions,
+    integrate_flight,
+)
+from uavrt.core.messages import FlightInfo, Pose, Tag
 from uavrt.flight.reading.flight_reader import Flight
+from uavrt.flight.samples.channel_recorder import ChannelRecorder
 from uavrt.localization.antenna import PATTERNS
+from uavrt.radio.opening import open_recording
 from uavrt_experiments.detection.signals import (
     START_NS,
     THESIS_TAG,
@@ -81,29 +91,72 @@ def rotation(
             add_pulse(
                 samples, pulse, sample_rate_hz=RATE_HZ, width_s=tag.pulse_width_s, phase=phase
             )
+    poses = (_pose(step / 5.0, start_ns, east_m) for step in range(int(5.0 * duration_s)))
     return Rotation(
         tag=tag,
-        flight=Flight(
-            info=made.flight_info(
-                f"rotation {seed}",
-                (tag,),
-                start_time_ns=start_ns,
-                center_frequency_hz=tag.frequency_hz,
-                sample_rate_hz=RATE_HZ,
-            ),
-            settings_json=None,
-            pulse_poses=(),
-            poses=tuple(
-                _pose(step / 5.0, start_ns, east_m) for step in range(int(5.0 * duration_s))
-            ),
-            status_texts=(),
-            notes=(),
-        ),
+        flight=made.recorded_flight(flight_info(f"rotation {seed}", tag, start_ns), poses),
         samples=samples,
         interval_s=interval_s,
         offset_hz=offset_hz,
         bearing_deg=bearing_deg,
     )
+
+
+def flight_info(directory: Path | str, tag: Tag, start_ns: int = START_NS) -> FlightInfo:
+    """Make what starts a flight that receives a tag's channel alone."""
+    return made.flight_info(
+        directory,
+        (tag,),
+        start_time_ns=start_ns,
+        center_frequency_hz=tag.frequency_hz,
+        sample_rate_hz=RATE_HZ,
+    )
+
+
+def judged(
+    flight: Flight, tag: Tag, samples: Path, start_ns: int = START_NS, **options: Any
+) -> IntegratedTag:
+    """Judge a whole flight by samples in a file."""
+    with closing(
+        open_recording(
+            samples,
+            sample_rate_hz=RATE_HZ,
+            center_frequency_hz=tag.frequency_hz,
+            start_time_ns=start_ns,
+        )
+    ) as source:
+        how = WholeFlightOptions(pattern=PATTERNS["RA-23K"], **options)
+        return integrate_flight(flight, source, [tag], how)[0]
+
+
+def judged_rotation(
+    flown: Rotation, folder: Path, false_alarm_probability: float = 0.01
+) -> IntegratedTag:
+    """Judge a whole rotation; its samples are written into a folder."""
+    samples = folder / "samples.cf32"
+    flown.samples.tofile(samples)
+    return judged(
+        flown.flight,
+        flown.tag,
+        samples,
+        flown.flight.info.start_time_ns,
+        frequency_window_hz=WINDOW_HZ,
+        false_alarm_probability=false_alarm_probability,
+    )
+
+
+def keep_channel(directory: Path, flown: Rotation) -> None:
+    """Keep the samples of a flight as the drone does."""
+    keeping = ChannelRecorder(directory, budget_mb=100.0, minimum_free_mb=0.0)
+    block = made.channel_block(
+        flown.samples.astype(np.complex64),
+        0,
+        RATE_HZ,
+        start_ns=START_NS,
+        center_frequency_hz=flown.tag.frequency_hz,
+    )
+    keeping.put([block])
+    keeping.close()
 
 
 def _pose(time_s: float, start_ns: int, east_m: float) -> Pose:

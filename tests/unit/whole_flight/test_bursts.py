@@ -8,6 +8,7 @@ from depth import share
 from numpy.typing import NDArray
 
 from uavrt.core.messages import Tag
+from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import exponentials
 from uavrt.localization.whole_flight.energies.energy_grid import SlotEnergies, slot_energies
 from uavrt.localization.whole_flight.heard_train import train_pulses
 from uavrt.localization.whole_flight.train_judging import Judgement, judge
@@ -96,6 +97,17 @@ def test_another_code_is_told_as_such_and_hides_none(enr_db: float) -> None:
     assert found.train.false_alarm_probability < 0.01
     first_s = (energies.start_ns - START_NS) / 1e9 + found.train.phase_s
     assert (first_s - 2.6 + 0.5) % 2.9985 == pytest.approx(0.5, abs=0.004)
+
+
+@pytest.mark.parametrize("pulses", [1, 3])
+@pytest.mark.parametrize("bursts", [1, 4, 20])
+def test_bursts_of_noise_are_counted_by_the_mean_of_their_largest(
+    pulses: int, bursts: int
+) -> None:
+    rng = np.random.default_rng(pulses)
+    means = rng.gamma(pulses, 1.0 / pulses, (20_000, bursts))
+    counted = exponentials(float(means.max(axis=1).mean()), pulses)
+    assert counted == pytest.approx(bursts, rel=0.05)
 
 
 @pytest.mark.parametrize("enr_db", share([14.0, 30.0], 2))

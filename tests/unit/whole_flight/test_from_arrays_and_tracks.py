@@ -1,19 +1,18 @@
 """What other programs recorded is judged as well: arrays in Python, recordings with a track."""
 
-import json
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
 from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
 
 from uavrt.analysis.integrated.integrated_samples import integrate
 from uavrt.config.tags.tag_files import write_tags
 from uavrt.core.errors import RecordingError, UsageError
-from uavrt.core.messages import Pose
 from uavrt.localization.angles import difference_deg
 from uavrt_experiments.detection.signals import START_NS
 
@@ -26,21 +25,22 @@ FIXED = [
 """Names that programs outside of this project read."""
 
 
-def judged(flown: Rotation, samples: np.ndarray, poses: tuple[Pose, ...] | None = None):  # type: ignore[no-untyped-def]
-    return integrate(
-        samples,
-        flown.flight.poses if poses is None else poses,
-        flown.tag,
-        "RA-23K",
-        time_ns=START_NS,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=flown.tag.frequency_hz,
-        frequency_window_hz=WINDOW_HZ,
-    )
+def judged(flown: Rotation, antenna: str = "RA-23K", **other: Any) -> Any:
+    """Judge a rotation in Python, by other samples or poses if they are given."""
+    usual: dict[str, Any] = {
+        "samples": flown.samples,
+        "poses": flown.flight.poses,
+        "center_frequency_hz": flown.tag.frequency_hz,
+        "frequency_window_hz": WINDOW_HZ,
+    }
+    usual |= {"time_ns": START_NS, "sample_rate_hz": RATE_HZ}
+    given = usual | other
+    samples, poses = given.pop("samples"), given.pop("poses")
+    return integrate(samples, poses, flown.tag, antenna, **given)
 
 
 def test_samples_and_poses_in_python_are_judged_as_by_the_command(weak: Rotation) -> None:
-    found = judged(weak, weak.samples)
+    found = judged(weak)
     assert found.found
     assert (found.tag_id, found.antenna, found.antenna_assumed) == (2, "RA-23K", False)
     assert found.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
@@ -50,21 +50,13 @@ def test_samples_and_poses_in_python_are_judged_as_by_the_command(weak: Rotation
     assert all(text.startswith("the position assumes") for text in found.limitations)
     assert set(FIXED) <= set(asdict(found))
     with pytest.raises(UsageError, match="no antenna 'made-up'"):
-        integrate(
-            weak.samples,
-            weak.flight.poses,
-            weak.tag,
-            "made-up",
-            time_ns=START_NS,
-            sample_rate_hz=RATE_HZ,
-            center_frequency_hz=weak.tag.frequency_hz,
-        )
+        judged(weak, "made-up")
 
 
 def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) -> None:
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = np.nan
-    found = judged(weak, samples)
+    found = judged(weak, samples=samples)
     assert any("samples exist for only 50% of the flight" in text for text in found.limitations)
     half_ns = START_NS + round(0.5e9 * len(samples) / RATE_HZ)
     assert all(one.time_ns < half_ns for one in found.integrated_pulses)
@@ -73,36 +65,28 @@ def test_lost_samples_in_python_are_a_limitation_and_no_zeros(weak: Rotation) ->
 def test_a_window_wider_than_the_channel_is_told_as_what_was_searched() -> None:
     """5000 Hz were said to be searched, of a channel that holds 1875 on either side."""
     short = rotation(3, 6.0, pulses=30)
-    found = integrate(
-        short.samples,
-        short.flight.poses,
-        short.tag,
-        "RA-23K",
-        time_ns=START_NS,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=short.tag.frequency_hz + 200.0,
-        frequency_window_hz=5000.0,
-    )
+    beside_hz = short.tag.frequency_hz + 200.0
+    found = judged(short, center_frequency_hz=beside_hz, frequency_window_hz=5000.0)
     assert any("only ± 1675 Hz around" in text for text in found.limitations)
 
 
 def test_a_dead_radio_is_no_silence_of_the_tag(weak: Rotation) -> None:
     """Zeros were taken for a flight that heard no tag, and the map said where it is not."""
     with pytest.raises(RecordingError, match="all samples of tag 2's channel are 0"):
-        judged(weak, np.zeros_like(weak.samples))
+        judged(weak, samples=np.zeros_like(weak.samples))
     samples = weak.samples.copy()
     samples[len(samples) // 2 :] = 0.0
-    found = judged(weak, samples)
+    found = judged(weak, samples=samples)
     assert any("samples exist for only 50% of the flight" in text for text in found.limitations)
     lost = weak.samples.copy()
     lost[len(samples) // 2 :] = np.nan
-    assert found.score == pytest.approx(judged(weak, lost).score, abs=0.2)
+    assert found.score == pytest.approx(judged(weak, samples=lost).score, abs=0.2)
 
 
 def test_what_was_heard_without_a_pose_counts_nothing(weak: Rotation) -> None:
     half_ns = START_NS + round(0.5e9 * len(weak.samples) / RATE_HZ)
     before = tuple(one for one in weak.flight.poses if one.time_ns < half_ns)
-    found = judged(weak, weak.samples, before)
+    found = judged(weak, poses=before)
     assert any(
         "of the samples have no pose within 2 s and are left out" in text
         for text in found.limitations
@@ -110,7 +94,7 @@ def test_what_was_heard_without_a_pose_counts_nothing(weak: Rotation) -> None:
     # As if nobody had listened then, 2 s after the last pose on.
     samples = weak.samples.copy()
     samples[round((before[-1].time_ns - START_NS) * 1e-9 * RATE_HZ + 2.0 * RATE_HZ) :] = np.nan
-    deaf = judged(weak, samples, before)
+    deaf = judged(weak, samples=samples, poses=before)
     assert found.interval_s == pytest.approx(deaf.interval_s, abs=1e-3)
     assert found.score == pytest.approx(deaf.score, abs=0.5)
     assert all(one.time_ns < half_ns + 3e9 for one in found.integrated_pulses)
@@ -144,47 +128,49 @@ def recorded(weak: Rotation, tmp_path: Path) -> list[str]:
     ]
 
 
+KNOWN = ("--clock-offset", 40, "--antenna", "RA-23K")
+
+
+@pytest.fixture
+def noise(recorded: list[str], weak: Rotation) -> np.ndarray:
+    """Noise alone in place of the recording."""
+    noise = np.random.default_rng(3).normal(size=(len(weak.samples), 2)).astype(np.float32)
+    noise.tofile(recorded[2])
+    return noise
+
+
 def test_a_recording_with_a_track_is_judged_without_a_flight(
-    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+    recorded: list[str], weak: Rotation, ran: Ran
 ) -> None:
-    assert uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K") == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*recorded, *KNOWN).json
     assert said["found"]
     assert not said["antenna_assumed"]
     (rest,) = said["limitations"]
     assert rest.startswith("the position assumes that the tag was at rest")
     assert abs(difference_deg(said["bearing_deg"], weak.bearing_deg)) < 20.0
     assert set(FIXED) <= set(said)
-    turned = [*recorded, "--clock-offset", "40", "--antenna", "RA-23K", "--yaw-offset", "90"]
-    assert uavrt(*turned) == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*recorded, *KNOWN, "--yaw-offset", 90).json
     assert abs(difference_deg(said["bearing_deg"], weak.bearing_deg + 90.0)) < 20.0
 
 
 def test_a_recording_that_was_cut_off_is_judged_as_far_as_it_goes(
-    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+    recorded: list[str], weak: Rotation, ran: Ran
 ) -> None:
     """As by a power cut: nothing was judged, and it said that all samples were used."""
     samples = Path(recorded[2])
     samples.write_bytes(samples.read_bytes()[: 7 * weak.samples.nbytes // 10 // 8 * 8 + 5])
-    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*recorded, *KNOWN).json
     told = " ".join(said["limitations"])
     assert "only the samples before it were searched" in told
     end_ns = START_NS + round(0.7e9 * len(weak.samples) / RATE_HZ)
     assert all(one["time_ns"] < end_ns for one in said["integrated_pulses"] or [])
 
 
-def test_silence_names_the_noise_that_it_is_told_by(
-    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.usefixtures("noise")
+def test_silence_names_the_noise_that_it_is_told_by(recorded: list[str], ran: Ran) -> None:
     """Of a recording with a track nobody knows the drone's noise: it was said in JSON alone."""
-    np.random.default_rng(3).normal(size=2 * len(weak.samples)).astype(np.float32).tofile(
-        recorded[2]
-    )
     with_words = [one for one in recorded if one != "--json"]
-    uavrt(*with_words, "--clock-offset", "40", "--antenna", "RA-23K")
-    said = " ".join(capsys.readouterr().out.split())
+    said = ran(*with_words, *KNOWN, ends=1).words
     assert "not found" in said
     assert (
         "the map: noise of the drone: unknown, only the radio's own is used: "
@@ -193,15 +179,12 @@ def test_silence_names_the_noise_that_it_is_told_by(
     )
 
 
+@pytest.mark.usefixtures("noise")
 def test_silence_of_a_recording_with_a_track_is_that_of_the_search_made(
-    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+    recorded: list[str], ran: Ran
 ) -> None:
     """It was told of detectors' groups in 500 Hz, and no detector had been there."""
-    np.random.default_rng(3).normal(size=2 * len(weak.samples)).astype(np.float32).tofile(
-        recorded[2]
-    )
-    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*recorded, *KNOWN, ends=1).json
     assert said["silence"]["whole_flight"]
     told = " ".join(said["silence"]["limitations"])
     assert "the result covers tags within 150 Hz of their listed frequency" in told
@@ -209,14 +192,12 @@ def test_silence_of_a_recording_with_a_track_is_that_of_the_search_made(
 
 
 def test_a_radio_that_was_mostly_dead_finds_no_tag_silent(
-    recorded: list[str], weak: Rotation, capsys: pytest.CaptureFixture[str]
+    recorded: list[str], noise: np.ndarray, ran: Ran
 ) -> None:
     """Where no second was half heard, the map took all of the flight for listened to."""
-    samples = np.random.default_rng(3).normal(size=(len(weak.samples), 2)).astype(np.float32)
-    samples[np.arange(len(samples)) % 3750 > 1000] = 0.0
-    samples.tofile(recorded[2])
-    uavrt(*recorded, "--clock-offset", "40", "--antenna", "RA-23K")
-    (said,) = json.loads(capsys.readouterr().out)
+    noise[np.arange(len(noise)) % 3750 > 1000] = 0.0
+    noise.tofile(recorded[2])
+    (said,) = ran(*recorded, *KNOWN, ends=1).json
     assert (
         "samples exist for only 0% of the flight, and the rest was not searched"
         in (said["limitations"])
@@ -225,11 +206,8 @@ def test_a_radio_that_was_mostly_dead_finds_no_tag_silent(
     assert said["silence"]["share50"] == 0.0
 
 
-def test_what_nobody_told_of_a_recording_is_a_limitation(
-    recorded: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    uavrt(*recorded)
-    (said,) = json.loads(capsys.readouterr().out)
+def test_what_nobody_told_of_a_recording_is_a_limitation(recorded: list[str], ran: Ran) -> None:
+    (said,) = ran(*recorded).json
     assert said["antenna"] == "RA-23K"
     assert said["antenna_assumed"]
     told = " ".join(said["limitations"])
@@ -248,10 +226,9 @@ def test_what_nobody_told_of_a_recording_is_a_limitation(
     ],
 )
 def test_a_recording_that_lacks_something_is_told_what(  # type: ignore[no-untyped-def]
-    recorded: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], change, fault: str
+    recorded: list[str], tmp_path: Path, ran: Ran, change, fault: str
 ) -> None:
-    assert uavrt(*change(recorded, tmp_path)) != 0
-    assert fault in " ".join(capsys.readouterr().err.split())
+    assert fault in ran(*change(recorded, tmp_path), ends=2).words
 
 
 def test_a_whip_is_deaf_overhead_and_tells_no_direction(weak: Rotation) -> None:

@@ -1,8 +1,9 @@
 """A weak tag is found from the channels that the flight kept: pieces joined, gaps respected."""
 
-import json
 import math
+import re
 import shutil
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
 from numpy.typing import NDArray
 from sql import sql
 from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation
@@ -18,9 +19,8 @@ from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation
 from uavrt.analysis.coverage_files import write_silence
 from uavrt.analysis.report.report_words import hindsight
 from uavrt.analysis.survey import read_survey
-from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
+from uavrt.analysis.whole_flights.judged_flights import IntegratedTag, WholeFlightOptions
 from uavrt.analysis.whole_flights.kept_samples import channel_of, integrate_kept, kept_channels
-from uavrt.cli.app import app
 from uavrt.config.settings import Settings
 from uavrt.core.errors import FormatError, UavrtError
 from uavrt.core.messages import ChannelBlock, Tag
@@ -31,6 +31,7 @@ from uavrt.localization.antenna import PATTERNS
 from uavrt.radio.files.joined import JoinedRecording
 from uavrt_experiments.detection.signals import START_NS, noise
 
+WINDOW = ("--frequency-window", WINDOW_HZ)
 SPACING_HZ = 1875.0
 GAP_S = (70.0, 75.0)
 
@@ -87,20 +88,19 @@ def flown(kept: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(kept, tmp_path / kept.name))
 
 
+def judged(flight: Path, tags: Sequence[Tag]) -> list[IntegratedTag]:
+    how = WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ)
+    return integrate_kept(read_flight(flight), tags, how)
+
+
 def test_each_tag_is_judged_from_the_pieces_of_its_own_channel(
     flown: Path, weak: Rotation
 ) -> None:
     channels = kept_channels(flown)
-    assert [round(one.center_frequency_hz - weak.tag.frequency_hz) for one in channels] == [
-        0,
-        7500,
-    ]
+    beside_hz = [one.center_frequency_hz - weak.tag.frequency_hz for one in channels]
+    assert [*map(round, beside_hz)] == [0, 7500]
     assert all(len(one.paths) >= 3 for one in channels)
-    found = integrate_kept(
-        read_flight(flown),
-        read_flight(flown).info.tags,
-        WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
-    )
+    found = judged(flown, read_flight(flown).info.tags)
     assert [one.found for one in found] == [True, False]
     assert [one.tag.tag_id for one in found] == [weak.tag.tag_id, 9]
     assert found[0].pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
@@ -111,15 +111,10 @@ def test_each_tag_is_judged_from_the_pieces_of_its_own_channel(
     assert (times_s > GAP_S[1]).sum() > 80
 
 
-def test_the_command_takes_what_the_flight_kept_by_itself(
-    flown: Path, weak: Rotation, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_takes_what_the_flight_kept_by_itself(flown: Path, ran: Ran) -> None:
     damaged = FlightLayout(flown).channels_directory / "channel_1_Hz_0001.sigmf-meta"
     damaged.write_text("{")
-    arguments = ["integrate", str(flown), "--frequency-window", str(WINDOW_HZ), "--json"]
-    app(arguments, exit_on_error=False, result_action="return_value")
-    said = capsys.readouterr()
-    told = json.loads(said.out)
+    told = ran("integrate", flown, *WINDOW, "--json").json
     assert [one["found"] for one in told] == [True, False]
     # Whose samples it held nobody knows.
     for one in told:
@@ -128,41 +123,26 @@ def test_the_command_takes_what_the_flight_kept_by_itself(
         assert "is damaged, or not a SigMF file" in limits
 
 
-def test_a_flight_without_tags_is_told_what_it_lacks(
-    flown: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_flight_without_tags_is_told_what_it_lacks(flown: Path, ran: Ran) -> None:
     """It ended with 1 and said nothing, as if tags had been looked for in vain."""
     sql(flown, "DELETE FROM tags")
-    assert uavrt("integrate", str(flown)) == 2
-    assert "there are no tags to search for" in " ".join(capsys.readouterr().err.split())
+    assert "there are no tags to search for" in ran("integrate", flown, ends=2).words
 
 
-def test_what_kept_channels_tell_themselves_is_refused(
-    flown: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert uavrt("integrate", str(flown), "--sample-rate", "48000") == 2
-    said = " ".join(capsys.readouterr().err.split())
+def test_what_kept_channels_tell_themselves_is_refused(flown: Path, ran: Ran) -> None:
+    said = ran("integrate", flown, "--sample-rate", 48000, ends=2).words
     assert "--sample-rate applies only to --recording" in said
     assert "Leave --sample-rate out" in said
 
 
-def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(
-    flown: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(flown: Path, ran: Ran) -> None:
     """It took a second command to learn what the silence of a whole flight says."""
-
-    def told(*arguments: str) -> dict[str, object]:
-        with suppress(SystemExit):
-            app([*arguments, "--tag", "9", "--tag-power", "-50", "--json"])
-        (one,) = json.loads(capsys.readouterr().out)
-        return dict(one)
-
-    window = ("--frequency-window", str(WINDOW_HZ))
-    silence = told("integrate", str(flown), *window)["silence"]
-    assert isinstance(silence, dict)
+    power = ("--tag", 9, "--tag-power", -50, "--json")
+    (said,) = ran("integrate", flown, *WINDOW, *power, ends=1).json
+    silence = said["silence"]
     assert silence["whole_flight"]
     # The same map as of the command that makes nothing else.
-    mapped = told("coverage", str(flown), "-o", str(flown / "maps"))
+    (mapped,) = ran("coverage", flown, "-o", flown / "maps", *power).json
     shared = ("mean_probability", "share50", "share90", "sure_within_m", "antenna")
     assert {name: silence[name] for name in shared} == {name: mapped[name] for name in shared}
     assert 500.0 < silence["sure_within_m"] < 2000.0
@@ -175,9 +155,10 @@ def test_a_tag_that_is_not_found_has_the_map_of_where_it_is_not(
     _, words = dict(hindsight(read_survey(flown), 9).rows)["Whole flight"]
     assert silence["sure_within_m"] - 10.0 < float(words.split()[1]) <= silence["sure_within_m"]
     assert "\N{MINUS SIGN}50 dBm would have been found with a probability of at least" in words
-    with suppress(SystemExit):
-        app(["integrate", str(flown), *window, "--tag", "9", "--tag-power", "-90", "--no-save"])
-    assert "nowhere around the flight" in " ".join(capsys.readouterr().out.split())
+    weakest = ("--tag", 9, "--tag-power", -90, "--no-save")
+    assert (
+        "nowhere around the flight" in ran("integrate", flown, *WINDOW, *weakest, ends=1).words
+    )
 
 
 def test_a_map_of_where_a_tag_is_not_goes_when_it_is_found(flown: Path) -> None:
@@ -187,20 +168,14 @@ def test_a_map_of_where_a_tag_is_not_goes_when_it_is_found(flown: Path) -> None:
         for ending in ("tif", "png"):
             (integrated / f"coverage_tag_{tag_id}.{ending}").write_bytes(b"")
     write_silence(integrated, read_flight(flown), {}, [2])
-    assert sorted(one.name for one in integrated.iterdir()) == [
-        "coverage_tag_9.png",
-        "coverage_tag_9.tif",
-    ]
+    assert {one.stem for one in integrated.iterdir()} == {"coverage_tag_9"}
+    assert len([*integrated.iterdir()]) == 2
 
 
 def test_a_tag_whose_channel_was_not_kept_is_named(flown: Path, weak: Rotation) -> None:
     alien = replace(weak.tag, tag_id=5, frequency_hz=weak.tag.frequency_hz + 50_000.0)
     with pytest.raises(UavrtError, match=r"has no samples of tag 5 at 1\d\d\.\d+ MHz"):
-        integrate_kept(
-            read_flight(flown),
-            [weak.tag, alien],
-            WholeFlightOptions(pattern=PATTERNS["RA-23K"]),
-        )
+        judged(flown, [weak.tag, alien])
 
 
 def test_a_tag_between_two_channels_has_the_nearer_one(flown: Path, weak: Rotation) -> None:
@@ -219,12 +194,9 @@ def test_a_tag_whose_only_piece_is_damaged_is_told_of_the_damage(
 ) -> None:
     for path in FlightLayout(flown).channels_directory.glob("*.sigmf-meta"):
         path.write_text("{")
-    with pytest.raises(
-        UavrtError, match=r"has no samples of tag .* was left out: .*not a SigMF"
-    ):
-        integrate_kept(
-            read_flight(flown), [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
-        )
+    said = r"has no samples of tag .* was left out: .*not a SigMF"
+    with pytest.raises(UavrtError, match=said):
+        judged(flown, [weak.tag])
 
 
 def test_what_is_damaged_is_told_when_the_rest_is_too_little(
@@ -237,9 +209,7 @@ def test_what_is_damaged_is_told_when_the_rest_is_too_little(
     with data.open("r+b") as file:
         file.truncate(4 * 3750)
     with pytest.raises(UavrtError, match=r"was left out: .*not a SigMF"):
-        integrate_kept(
-            read_flight(flown), [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
-        )
+        judged(flown, [weak.tag])
 
 
 def test_pieces_become_one_stream_whose_indices_count_what_is_missing(flown: Path) -> None:
@@ -282,18 +252,10 @@ def test_a_piece_that_is_cut_off_is_used_as_far_as_it_goes(flown: Path) -> None:
 
 
 def test_a_place_for_pictures_that_cannot_be_made_is_refused_before_the_search(
-    flown: Path,
+    flown: Path, ran: Ran
 ) -> None:
     """It was found out after minutes of work, and what had been found was not told."""
-    with pytest.raises(UavrtError, match=r"cannot be made.*--plot"):
-        app(
-            [
-                "integrate",
-                str(flown),
-                "--tag",
-                "2",
-                "--plot",
-                str(flown / "flight.sqlite" / "x"),
-            ]
-        )
+    plot = ("--tag", 2, "--plot", flown / "flight.sqlite" / "x")
+    said = ran("integrate", flown, *plot, ends=2).words
+    assert re.search("cannot be made.*--plot", said)
     assert not (flown / "integrated").exists()

@@ -9,9 +9,10 @@ from typing import Any
 import made
 import numpy as np
 import pytest
-from command_line import uavrt
+from command_line import Ran
+from some import some
 from sql import sql
-from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation
+from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation, flight_info
 from tests.unit.whole_flight.test_from_arrays_and_tracks import FIXED
 
 from uavrt.analysis.export.geojson import geojson_text
@@ -22,37 +23,32 @@ from uavrt.analysis.survey import read_survey
 from uavrt.config.settings import Settings
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import FormatError
-from uavrt.core.messages import Pose, Tag
+from uavrt.core.messages import Tag
 from uavrt.flight.integrated import read_integrated
-from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import PLANE, World, add_pulses, passing, silence
 
 
-def flight_with(
-    directory: Path, tag: Tag, poses: tuple[Pose, ...], settings: Settings | None
-) -> None:
-    info = made.flight_info(
-        directory,
-        (tag,),
-        start_time_ns=START_NS,
-        center_frequency_hz=tag.frequency_hz,
-        sample_rate_hz=RATE_HZ,
-    )
-    made.flight(info, settings, poses=poses)
-
-
-def arguments(directory: Path, samples: np.ndarray, tag: Tag, *more: str) -> list[str]:
-    path = directory.with_suffix(".cf32")
+def arguments(
+    flight: Path, samples: np.ndarray, tag: Tag, window_hz: float = WINDOW_HZ
+) -> list[object]:
+    path = flight.with_suffix(".cf32")
     samples.tofile(path)
     return [
-        *("integrate", str(directory), "--recording", str(path), "--sample-rate"),
-        *(str(RATE_HZ), "--center-frequency", str(tag.frequency_hz), "--start-time"),
-        *("2023-11-14T22:13:20Z", *more),
+        *("integrate", flight, "--recording", path, "--sample-rate", RATE_HZ),
+        *("--center-frequency", tag.frequency_hz, "--start-time", "2023-11-14T22:13:20Z"),
+        *("--frequency-window", window_hz),
     ]
 
 
+@pytest.fixture
+def flight(weak: Rotation, tmp_path: Path) -> Path:
+    """A flight with a weak tag that does not tell its antenna."""
+    info = flight_info(tmp_path / "flight", weak.tag)
+    return made.flight(info, poses=weak.flight.poses)
+
+
 def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ran: Ran
 ) -> None:
     world = World(course=passing(200), slack_s=0.02, window_hz=60.0)
     rng = np.random.default_rng(12)
@@ -69,13 +65,11 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
         )
     )
     whip = replace(Settings(), bearings=replace(Settings().bearings, antenna="monopole"))
-    flight_with(tmp_path / "pass", world.tag, poses, whip)
-    asked = arguments(tmp_path / "pass", samples, world.tag, "--frequency-window", "60")
-    assert uavrt(*asked, "--json") == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    flight = made.flight(flight_info(tmp_path / "pass", world.tag), whip, poses=poses)
+    (said,) = ran(*arguments(flight, samples, world.tag, 60.0), "--json").json
     assert (said["antenna"], said["antenna_assumed"]) == ("monopole", False)
     assert said["enr_db"] == pytest.approx(8.0, abs=1.5)
-    (verdict,), _ = read_integrated(tmp_path / "pass")
+    (verdict,), _ = read_integrated(flight)
     assert verdict.places == len(verdict.parts) == 2
     east = [
         float(PLANE.to_local([one.latitude_deg], [one.longitude_deg])[0][0])
@@ -87,10 +81,9 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
         len(verdict.region50),
         len(verdict.region95),
     ]
-    assert verdict.searched is not None
-    assert verdict.searched.frequency_window_hz == 60.0
-    assert verdict.searched.antenna == "monopole"
-    survey = read_survey(tmp_path / "pass")
+    searched = some(verdict.searched)
+    assert (searched.frequency_window_hz, searched.antenna) == (60.0, "monopole")
+    survey = read_survey(flight)
     features = json.loads(geojson_text(survey))["features"]
     layers = {one["properties"]["layer"]: one for one in features}
     both = [one for one in features if one["properties"]["layer"] == "integrated place"]
@@ -99,8 +92,7 @@ def test_both_places_of_a_straight_pass_with_a_whip_are_kept_and_shown(
     for one in verdict.parts:
         assert f"{one.longitude_deg:.8f},{one.latitude_deg:.8f}" in kml
     assert kml.count("<LinearRing>") == len(verdict.region95)
-    write_geopackage(survey, tmp_path / "pass.gpkg")
-    saved = tmp_path / "pass.gpkg"
+    write_geopackage(survey, saved := tmp_path / "pass.gpkg")
     parts = "SELECT count(*) FROM integrated_regions WHERE share = 95"
     assert sql(saved, "SELECT count(*) FROM integrated_places") == [(2,)]
     assert sql(saved, parts) == [(len(verdict.region95),)]
@@ -126,22 +118,16 @@ def held(feature: dict[str, Any], east_m: float, north_m: float, plane: TangentP
 
 
 def test_a_flight_that_does_not_tell_its_antenna_says_so_in_words_and_json(
-    weak: Rotation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    weak: Rotation, flight: Path, ran: Ran
 ) -> None:
-    flight_with(tmp_path / "old", weak.tag, weak.flight.poses, None)
-    asked = arguments(
-        tmp_path / "old", weak.samples, weak.tag, "--frequency-window", str(WINDOW_HZ)
-    )
-    assert uavrt(*asked) == 0
-    words = capsys.readouterr().out
+    asked = arguments(flight, weak.samples, weak.tag)
+    words = ran(*asked).out
     assert "antenna: RA-23K" in words
     assert "antenna not specified" in words
-    (verdict,), _ = read_integrated(tmp_path / "old")
+    (verdict,), _ = read_integrated(flight)
     assert "antenna not specified" in verdict.remarks
-    assert verdict.searched is not None
-    assert verdict.searched.antenna_assumed
-    assert uavrt(*asked, "--json", "--antenna", "RA-23K", "--no-save") == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    assert some(verdict.searched).antenna_assumed
+    (said,) = ran(*asked, "--json", "--antenna", "RA-23K", "--no-save").json
     assert not said["antenna_assumed"]
     (rest,) = said["limitations"]
     assert rest.startswith("the position assumes that the tag was at rest")
@@ -150,15 +136,11 @@ def test_a_flight_that_does_not_tell_its_antenna_says_so_in_words_and_json(
 
 
 def test_a_tag_outside_the_window_is_missed_and_its_silence_says_nothing(
-    weak: Rotation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    weak: Rotation, flight: Path, ran: Ran
 ) -> None:
     assert abs(weak.offset_hz) > 10.0
-    flight_with(tmp_path / "narrow", weak.tag, weak.flight.poses, Settings())
-    asked = arguments(tmp_path / "narrow", weak.samples, weak.tag, "--frequency-window", "2")
-    uavrt(*asked)
-    capsys.readouterr()
-    assert uavrt("coverage", str(tmp_path / "narrow"), "--tag-power", "-30", "--json") == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    ran(*arguments(flight, weak.samples, weak.tag, 2.0), ends=1)
+    (said,) = ran("coverage", flight, "--tag-power", -30, "--json").json
     assert not said["whole_flight"]
     assert "frequencies within 2 Hz" in " ".join(said["limitations"])
 
@@ -172,10 +154,7 @@ def test_a_tag_outside_the_window_is_missed_and_its_silence_says_nothing(
         ("searched", 5),
     ],
 )
-def test_damaged_places_are_named(
-    weak: Rotation, tmp_path: Path, name: str, value: object
-) -> None:
-    flight_with(tmp_path / "damaged", weak.tag, weak.flight.poses, None)
+def test_damaged_places_are_named(flight: Path, name: str, value: object) -> None:
     record = {
         "tag_id": 2,
         "found": False,
@@ -183,10 +162,10 @@ def test_damaged_places_are_named(
         "interval_s": 1.2,
         "frequency_hz": 148.7e6,
     }
-    (tmp_path / "damaged" / "integrated").mkdir()
-    file = tmp_path / "damaged" / "integrated" / "tags.json"
+    file = flight / "integrated" / "tags.json"
+    file.parent.mkdir()
     file.write_text(json.dumps([record]))
-    assert read_integrated(tmp_path / "damaged")[0][0].searched is None
+    assert read_integrated(flight)[0][0].searched is None
     file.write_text(json.dumps([record | {name: value}]))
     with pytest.raises(FormatError, match="integrate again"):
-        read_integrated(tmp_path / "damaged")
+        read_integrated(flight)

@@ -1,6 +1,6 @@
 """A tag too weak in each of several flights is found in all together, and chance is not."""
 
-import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -9,10 +9,18 @@ from pathlib import Path
 import made
 import numpy as np
 import pytest
+from command_line import Ran
 from depth import share
-from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
+from sigmf_meta import write_meta
+from some import some
+from tests.unit.whole_flight.conftest import (
+    RATE_HZ,
+    WINDOW_HZ,
+    Rotation,
+    judged_rotation,
+    rotation,
+)
 from tests.unit.whole_flight.test_from_arrays_and_tracks import FIXED
-from tests.unit.whole_flight.test_whole_flight import judged
 
 from uavrt.analysis.whole_flights.judged_flights import IntegratedTag
 from uavrt.analysis.whole_flights.several_flights import (
@@ -21,9 +29,8 @@ from uavrt.analysis.whole_flights.several_flights import (
     judge_together,
     share_alone,
 )
-from uavrt.cli.app import app
 from uavrt.core.clock import iso_utc
-from uavrt.core.errors import ConfigError, UavrtError, UsageError
+from uavrt.core.errors import UsageError
 from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.integrated import read_integrated
 from uavrt.localization.angles import difference_deg
@@ -53,7 +60,7 @@ def flights_of(seed: int, enr_db: float | None, east_m: Sequence[float]) -> list
 
 def alone(flown: Sequence[Rotation], path: Path) -> list[IntegratedTag]:
     """What each flight shows by itself."""
-    return [judged(one, path, share_alone(0.01, len(flown))) for one in flown]
+    return [judged_rotation(one, path, share_alone(0.01, len(flown))) for one in flown]
 
 
 def together(
@@ -91,8 +98,7 @@ def test_a_tag_too_weak_in_each_flight_is_found_in_all_together(
     for flight in told:
         assert flight.pulses.interval_s == pytest.approx(flown[0].interval_s, abs=4e-4)
         assert flight.pulses.offset_hz == pytest.approx(flown[0].offset_hz, abs=40.0)
-        place = flight.place
-        assert place is not None
+        place = some(flight.place)
         away = abs(difference_deg(place.bearing_deg, flown[0].bearing_deg))
         assert away < place.arc95_deg < 90.0
 
@@ -116,40 +122,23 @@ def on_disk(flown: Sequence[Rotation], root: Path) -> list[str]:
         directory = root / f"flight_log_2023-11-14_{22 + number}-13-20"
         info = replace(one.flight.info, directory=str(directory), tags=(one.tag,))
         made.flight(info, poses=one.flight.poses)
-        samples = FlightLayout(directory).iq_directory
-        samples.mkdir(exist_ok=True)
-        one.samples.tofile(samples / "band.sigmf-data")
-        meta = {
-            "global": {
-                "core:datatype": "cf32_le",
-                "core:version": "1.2.0",
-                "core:sample_rate": RATE_HZ,
-            },
-            "captures": [
-                {
-                    "core:sample_start": 0,
-                    "core:frequency": one.tag.frequency_hz,
-                    "core:datetime": iso_utc(one.flight.info.start_time_ns),
-                }
-            ],
-            "annotations": [],
-        }
-        (samples / "band.sigmf-meta").write_text(json.dumps(meta), encoding="utf-8")
+        samples = FlightLayout(directory).iq_directory / "band.sigmf-data"
+        samples.parent.mkdir(exist_ok=True)
+        one.samples.tofile(samples)
+        start = iso_utc(one.flight.info.start_time_ns)
+        write_meta(samples, RATE_HZ, {"frequency": one.tag.frequency_hz, "datetime": start})
         names.append(str(directory))
     return names
 
 
-def run(*arguments: str) -> None:
-    window = ("--frequency-window", str(WINDOW_HZ))
-    app(["integrate", *arguments, *window], exit_on_error=False, result_action="return_value")
+COMMAND = ("integrate", "--frequency-window", WINDOW_HZ)
 
 
 def test_the_command_tells_each_flight_and_writes_beside_each(
-    flown: list[Rotation], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flown: list[Rotation], tmp_path: Path, ran: Ran
 ) -> None:
     names = on_disk(flown, tmp_path)
-    run(*names, "--json")
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*COMMAND, *names, "--json").json
     assert said["found"]
     assert said["together"]
     assert np.isfinite(said["bearing_deg"])
@@ -164,34 +153,31 @@ def test_the_command_tells_each_flight_and_writes_beside_each(
     saved = [read_integrated(name)[0][0] for name in names]
     assert [one.found for one in saved] == [one["found"] for one in said["flights"]]
     assert {one.flights for one in saved} == {3}
-    run(*names, "--no-save")
-    text = capsys.readouterr().out
+    text = ran(*COMMAND, *names, "--no-save").out
     assert text.startswith("tag 2: found over 3 flights together")
     assert text.count("by itself: noise alone gives such a result") == 3
 
 
 def test_flights_that_cannot_be_judged_together_are_named(
-    flown: list[Rotation], tmp_path: Path
+    flown: list[Rotation], tmp_path: Path, ran: Ran
 ) -> None:
-    first = on_disk(flown, tmp_path)[0]
-    with pytest.raises(ConfigError, match="samples of one flight"):
-        run(first, first, "--recording", "band.cf32")
-    with pytest.raises(ConfigError, match="--moves needs several flights"):
-        run(first, "--moves")
-    with pytest.raises(UsageError, match="are the same flight"):
-        run(first, first)
-    other = replace(flown[1], tag=replace(flown[1].tag, frequency_hz=149.1e6))
+    (first,) = on_disk(flown[:1], tmp_path)
+    second = flown[1]
+    other = replace(second, tag=replace(second.tag, frequency_hz=149.1e6))
     (strange,) = on_disk([other], tmp_path / "strange")
-    with pytest.raises(UsageError, match=r"tag 2 has another frequency.*strange"):
-        run(first, strange)
-    renamed = replace(flown[1], tag=replace(flown[1].tag, tag_id=8))
+    renamed = replace(second, tag=replace(second.tag, tag_id=8))
     (unlisted,) = on_disk([renamed], tmp_path / "unlisted")
-    with pytest.raises(UsageError, match="no tag is listed in all of these flights"):
-        run(first, unlisted)
-    posed = replace(flown[1], flight=replace(flown[1].flight, poses=()))
+    posed = replace(second, flight=replace(second.flight, poses=()))
     (blind,) = on_disk([posed], tmp_path / "blind")
-    with pytest.raises(UavrtError, match=r"blind.* has no poses"):
-        run(first, blind)
+    for arguments, says in (
+        ((first, first, "--recording", "band.cf32"), "samples of one flight"),
+        ((first, "--moves"), "--moves needs several flights"),
+        ((first, first), "are the same flight"),
+        ((first, strange), r"tag 2 has another frequency.*strange"),
+        ((first, unlisted), "no tag is listed in all of these flights"),
+        ((first, blind), r"blind.* has no poses"),
+    ):
+        assert re.search(says, ran(*COMMAND, *arguments, ends=2).words), says
 
 
 def test_flights_far_apart_have_no_place_in_common(tmp_path: Path) -> None:

@@ -5,14 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from depth import seeds, share
+from depth import count, seeds, share
 
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.whole_flight.ground_cells import Cells, LikelyGround
 from uavrt.localization.whole_flight.heard_train import HeardTrain, slot_logs, train_pulses
 from uavrt.localization.whole_flight.train_place import _EXPONENT_SHARES
 from uavrt.localization.whole_flight.tuning import PLACE
-from uavrt_experiments.integrate.flights import PLANE, add_pulses, lawnmower, looked_at, silence
+from uavrt_experiments.integrate.flights import (
+    PLANE,
+    Course,
+    add_pulses,
+    lawnmower,
+    looked_at,
+    silence,
+)
 from uavrt_experiments.integrate.place import placed
 from uavrt_experiments.integrate.sensitivity import best_train, narrow_world
 from uavrt_experiments.integrate.several import fly_past, worlds
@@ -98,15 +105,22 @@ def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ()
     assert set(parts.bearing_deg[:9].round(2)) == {0.0, 1.67, 358.33}
 
 
+def lanes(exponent: float = 2.0) -> Course:
+    """Four lanes over a square, smaller and flown twice as fast where few seeds are flown."""
+    side_m, speed_m_s = float(count(800, 1000)), float(count(20, 10))
+    return lawnmower(
+        tag="inside", legs=4, side_m=side_m, exponent=exponent, speed_m_s=speed_m_s
+    )
+
+
 @pytest.mark.parametrize("enr_db", share([25.0, 12.0, 30.0], 3))
 def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
     """Regions of 90 % once held two of five at 25 dB, of places 25 m off.
 
     And it was 2.6 times the bound: what the many weak pulses have wrong in common led it.
     """
-    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
     flown = [
-        placed(np.random.default_rng((9, seed)), course, enr_db, 0.0) for seed in seeds(2, 5)
+        placed(np.random.default_rng((9, seed)), lanes(), enr_db, 0.0) for seed in seeds(2, 5)
     ]
     found = [one for one in flown if one is not None]
     assert len(found) == len(flown)
@@ -119,7 +133,7 @@ def test_a_tag_between_lanes_is_where_it_is_said_to_be(enr_db: float) -> None:
 def test_levels_of_loud_pulses_are_told_apart() -> None:
     """All above 28 dB were alike: a tag 30 m beside the way was 500 m off."""
     rng = np.random.default_rng(4)
-    course = lawnmower(tag="inside", legs=4, side_m=1000.0)
+    course = lanes()
     world = narrow_world(course)
     truth = world.truth(rng)
     samples = silence(rng, course)
@@ -147,9 +161,10 @@ def test_levels_of_loud_pulses_are_told_apart() -> None:
     ("fading_db", "exponent"), share([(2.5, 2.0), (0.0, 2.0), (0.0, 3.5)], 2)
 )
 def test_a_loud_tag_tells_how_much_it_fades(fading_db: float, exponent: float) -> None:
-    course = lawnmower(tag="inside", legs=4, side_m=1000.0, exponent=exponent)
     flown = [
-        placed(np.random.default_rng((13, seed)), course, 45.0, 0.0, fading_db=fading_db)
+        placed(
+            np.random.default_rng((13, seed)), lanes(exponent), 45.0, 0.0, fading_db=fading_db
+        )
         for seed in seeds(1, 6)
     ]
     found = [one for one in flown if one is not None]

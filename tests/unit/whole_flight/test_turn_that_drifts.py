@@ -8,21 +8,13 @@ import made
 import numpy as np
 import pytest
 from depth import share
-from tests.unit.whole_flight.conftest import WINDOW_HZ
+from tests.unit.whole_flight.conftest import WINDOW_HZ, flight_info, judged
 
-from uavrt.analysis.whole_flights.judged_flights import (
-    IntegratedTag,
-    WholeFlightOptions,
-    integrate_flight,
-)
+from uavrt.analysis.whole_flights.judged_flights import IntegratedTag
 from uavrt.flight.reading.flight_reader import Flight
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.antenna import PATTERNS
-from uavrt.radio.opening import open_recording
-from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.integrate.flights import (
     PLANE,
-    RATE_HZ,
     Course,
     World,
     add_pulses,
@@ -69,39 +61,25 @@ def still(course: Course) -> Course:
 
 def flight_of(course: Course, world: World) -> Flight:
     """The flight with the poses of a course."""
-    poses = course.poses
-    info = made.flight_info(
-        "a turn",
-        (world.tag,),
-        start_time_ns=START_NS,
-        center_frequency_hz=world.tag.frequency_hz,
-        sample_rate_hz=RATE_HZ,
+    flown = course.poses
+    poses = (
+        made.pose(
+            time_ns,
+            latitude,
+            longitude,
+            altitude_relative_m=50.0,
+            altitude_amsl_m=2050.0,
+            quaternion_wxyz=tuple(turned),
+        )
+        for time_ns, latitude, longitude, turned in zip(
+            flown.time_ns.tolist(),
+            flown.latitude_deg,
+            flown.longitude_deg,
+            flown.quaternion_wxyz.tolist(),
+            strict=True,
+        )
     )
-    each = zip(
-        poses.time_ns.tolist(),
-        poses.latitude_deg.tolist(),
-        poses.longitude_deg.tolist(),
-        poses.quaternion_wxyz.tolist(),
-        strict=True,
-    )
-    return Flight(
-        info=info,
-        settings_json=None,
-        pulse_poses=(),
-        poses=tuple(
-            made.pose(
-                time_ns,
-                latitude,
-                longitude,
-                altitude_relative_m=50.0,
-                altitude_amsl_m=2050.0,
-                quaternion_wxyz=tuple(turned),
-            )
-            for time_ns, latitude, longitude, turned in each
-        ),
-        status_texts=(),
-        notes=(),
-    )
+    return made.recorded_flight(flight_info("a turn", world.tag), poses)
 
 
 def turned(
@@ -114,21 +92,8 @@ def turned(
     add_pulses(rng, samples, world.pulses(rng, truth, enr_db))
     file = path / f"{seed}.cf32"
     samples.tofile(file)
-    source = open_recording(
-        file,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=world.tag.frequency_hz,
-        start_time_ns=START_NS,
-    )
-    try:
-        (one,) = integrate_flight(
-            flight_of(still(course) if in_one_place else course, world),
-            source,
-            [world.tag],
-            WholeFlightOptions(pattern=PATTERNS["RA-23K"], frequency_window_hz=WINDOW_HZ),
-        )
-    finally:
-        source.close()
+    flight = flight_of(still(course) if in_one_place else course, world)
+    one = judged(flight, world.tag, file, frequency_window_hz=WINDOW_HZ)
     if one.place is None:
         return Told(one=one, held=False, off_deg=math.nan)
     latitude, longitude = PLANE.to_geodetic(truth.east_m, truth.north_m)

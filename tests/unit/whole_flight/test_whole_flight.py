@@ -1,35 +1,34 @@
 """A tag that no group of pulses shows is found over the whole flight, and nothing else is."""
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import made
 import numpy as np
 import pytest
-from tests.unit.whole_flight.conftest import RATE_HZ, WINDOW_HZ, Rotation, rotation
+from command_line import Ran
+from some import some
+from tests.unit.whole_flight.conftest import (
+    RATE_HZ,
+    WINDOW_HZ,
+    Rotation,
+    judged,
+    judged_rotation,
+    rotation,
+)
 
 from uavrt.analysis.integrated.fold_pictures import write_fold_pictures
 from uavrt.analysis.integrated.hindsight import parts_of
-from uavrt.analysis.whole_flights.judged_flights import (
-    IntegratedTag,
-    WholeFlightOptions,
-    chance_in_words,
-    integrate_flight,
-)
+from uavrt.analysis.whole_flights.judged_flights import chance_in_words
 from uavrt.analysis.whole_flights.verdict_words import where_in_words
-from uavrt.cli.app import app
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.errors import UavrtError
 from uavrt.localization.angles import difference_deg
-from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.whole_flight.flight_judgement import low_rank_weights, search_flight
 from uavrt.localization.whole_flight.ground_cells import Cells
 from uavrt.localization.whole_flight.heard_train import HeardTrain, train_pulses
 from uavrt.localization.whole_flight.train_place import place_belief
 from uavrt.localization.whole_flight.tuning import SEARCH
-from uavrt.radio.opening import open_recording
 from uavrt_experiments.detection.signals import START_NS
 from uavrt_experiments.detection.trials import detect
 from uavrt_experiments.integrate.flights import (
@@ -43,43 +42,19 @@ from uavrt_experiments.integrate.flights import (
 )
 
 
-def judged(flown: Rotation, path: Path, false_alarm_probability: float = 0.01) -> IntegratedTag:
-    path = path / "samples.cf32"
-    flown.samples.tofile(path)
-    source = open_recording(
-        path,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=flown.tag.frequency_hz,
-        start_time_ns=flown.flight.info.start_time_ns,
-    )
-    try:
-        return integrate_flight(
-            flown.flight,
-            source,
-            [flown.tag],
-            WholeFlightOptions(
-                pattern=PATTERNS["RA-23K"],
-                frequency_window_hz=WINDOW_HZ,
-                false_alarm_probability=false_alarm_probability,
-            ),
-        )[0]
-    finally:
-        source.close()
-
-
 def test_a_tag_below_every_group_is_found_with_its_interval_and_direction(
     weak: Rotation, tmp_path: Path
 ) -> None:
     alone, _ = detect(weak.samples, weak.tag, frequency_window_hz=WINDOW_HZ)
     assert sum(pulse.confirmed for pulse in alone) == 0
-    found = judged(weak, tmp_path)
+    found = judged_rotation(weak, tmp_path)
     assert found.found
     assert found.train.false_alarm_probability < 0.01
     assert found.pulses.interval_s == pytest.approx(weak.interval_s, abs=2e-4)
     assert found.pulses.offset_hz == pytest.approx(weak.offset_hz, abs=25.0)
-    assert found.place is not None
-    away = abs(difference_deg(found.place.bearing_deg, weak.bearing_deg))
-    assert away < 0.75 * found.place.arc95_deg < 60.0
+    place = some(found.place)
+    away = abs(difference_deg(place.bearing_deg, weak.bearing_deg))
+    assert away < 0.75 * place.arc95_deg < 60.0
     assert len(found.pulse_times_ns) == pytest.approx(160, abs=6)
     files = write_fold_pictures(tmp_path, [found])
     assert [file.stat().st_size > 10_000 for file in files] == [True]
@@ -87,7 +62,7 @@ def test_a_tag_below_every_group_is_found_with_its_interval_and_direction(
 
 def test_noise_is_nobody(tmp_path: Path) -> None:
     chances = [
-        judged(rotation(seed, None), tmp_path).train.false_alarm_probability
+        judged_rotation(rotation(seed, None), tmp_path).train.false_alarm_probability
         for seed in (20, 21)
     ]
     assert min(chances) > 0.01
@@ -104,30 +79,19 @@ def test_a_chance_is_said_in_flights(probability: float, words: str) -> None:
 def test_poses_of_another_day_are_refused(weak: Rotation, tmp_path: Path) -> None:
     path = tmp_path / "samples.cf32"
     weak.samples[:200_000].tofile(path)
-    source = open_recording(
-        path,
-        sample_rate_hz=RATE_HZ,
-        center_frequency_hz=weak.tag.frequency_hz,
-        start_time_ns=START_NS + 86_400_000_000_000,
-    )
     with pytest.raises(UavrtError, match="no poses in the time"):
-        integrate_flight(
-            weak.flight, source, [weak.tag], WholeFlightOptions(pattern=PATTERNS["RA-23K"])
-        )
-    source.close()
+        judged(weak.flight, weak.tag, path, START_NS + 86_400_000_000_000)
 
 
 @pytest.fixture
-def on_disk(weak: Rotation, tmp_path: Path) -> Callable[[], list[str]]:
+def on_disk(weak: Rotation, tmp_path: Path) -> list[str]:
     """The flight directory and the samples, as arguments."""
-    from dataclasses import replace
-
     directory = tmp_path / "flight"
     info = replace(weak.flight.info, directory=str(directory))
     made.flight(info, poses=weak.flight.poses)
     samples = tmp_path / "samples.cf32"
     weak.samples.tofile(samples)
-    return lambda: [
+    return [
         *("integrate", str(directory), "--recording", str(samples)),
         *("--sample-rate", str(RATE_HZ), "--center-frequency", str(weak.tag.frequency_hz)),
         *("--start-time", "2023-11-14T22:13:20Z", "--frequency-window", str(WINDOW_HZ)),
@@ -135,10 +99,9 @@ def on_disk(weak: Rotation, tmp_path: Path) -> Callable[[], list[str]]:
 
 
 def test_the_command_prints_what_the_function_says(
-    on_disk: Callable[[], list[str]], weak: Rotation, capsys: pytest.CaptureFixture[str]
+    on_disk: list[str], weak: Rotation, ran: Ran
 ) -> None:
-    app([*on_disk(), "--json"], exit_on_error=False, result_action="return_value")
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = ran(*on_disk, "--json").json
     assert said["found"]
     assert said["interval_s"] == pytest.approx(weak.interval_s, abs=2e-4)
     assert len(said["integrated_pulses"]) == pytest.approx(160, abs=6)
@@ -146,13 +109,10 @@ def test_the_command_prints_what_the_function_says(
 
 
 def test_a_flight_without_samples_and_an_unknown_tag_are_named(
-    on_disk: Callable[[], list[str]],
+    on_disk: list[str], ran: Ran
 ) -> None:
-    arguments = on_disk()
-    with pytest.raises(UavrtError, match="contains no samples"):
-        app(arguments[:2], exit_on_error=False, result_action="return_value")
-    with pytest.raises(UavrtError, match="the tag list contains no tag 9"):
-        app([*arguments, "--tag", "9"], exit_on_error=False, result_action="return_value")
+    assert "contains no samples" in ran(*on_disk[:2], ends=2).words
+    assert "the tag list contains no tag 9" in ran(*on_disk, "--tag", 9, ends=2).words
 
 
 def test_after_a_straight_pass_both_places_are_named() -> None:

@@ -86,7 +86,7 @@ class LocalMap:
 
     def line(self, points: Iterable[Point]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Convert points (longitude, latitude) [deg] to east and north [m]."""
-        array = np.array(list(points))
+        array = np.array(list(points), float).reshape(-1, 2)
         return self.plane.to_local(array[:, 1], array[:, 0])
 
     def _frame(self, places: list[Point], margin: float) -> None:
