@@ -157,6 +157,19 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
     return rows
 
 
+def slides_not_sent(files: Mapping[str, str]) -> list[str]:
+    """Return a warning if a ``tags.toml`` lists frequency slides, which the table cannot hold."""
+    tags = [
+        tag
+        for name, text in files.items()
+        if name.endswith(".toml")
+        for tag in parse_tags(text.encode(), name=name)
+        if tag.frequency_slide_hz
+    ]
+    ids = ", ".join(str(tag.tag_id) for tag in tags)
+    return [f"the frequency slides of tags {ids} are not sent to the drone"] if tags else []
+
+
 def not_selected(files: Mapping[str, str]) -> tuple[int, ...] | None:
     """Ids that ``TagInfo.db`` lists but does not search for; None without such a column."""
     table = [cells for text in files.values() for cells in read_csv(text)]
