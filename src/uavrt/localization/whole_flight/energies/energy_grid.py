@@ -27,10 +27,6 @@ from uavrt.localization.whole_flight.energies.coded_bursts_over_flight import (
 )
 from uavrt.localization.whole_flight.tuning import ENERGY
 
-_FRAMES = 4
-"""Number of frames in a span in which the channel's noise is measured. A burst of noise in one
-of them hardly changes their median."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SlotEnergies:
@@ -367,7 +363,8 @@ def _channel_noise(
     their middles. Impulses, pulses and hum hardly change it, because strong samples are
     limited and a frame resolves narrow lines (8 Hz in spans of half a second).
     """
-    frame = length // _FRAMES
+    many = ENERGY.channel_frames
+    frame = length // many
     count = len(samples) // frame
     frames = samples[: count * frame].reshape(count, frame)
     size = np.abs(frames)
@@ -376,8 +373,8 @@ def _channel_noise(
     power = np.abs(np.fft.fft(frames * part * np.hanning(frame).astype(np.float32))) ** 2
     whole = np.asarray(there[: count * frame].reshape(count, frame).all(axis=1))
     middles, levels = [], []
-    for first in range(0, count, _FRAMES):
-        some = np.flatnonzero(whole[first : first + _FRAMES]) + first
+    for first in range(0, count, many):
+        some = np.flatnonzero(whole[first : first + many]) + first
         level = float(np.median(power[some])) if len(some) else 0.0
         if level > 0.0:
             middles.append((some.mean() + 0.5) * frame)
