@@ -154,8 +154,8 @@ def test_an_unknown_experiment_is_named() -> None:
 @pytest.mark.parametrize("number", share(range(3), 2))
 def test_noise_of_several_flights_shows_no_tag(number: int) -> None:
     case = EXPERIMENTS["I6"].cases[number]
-    expected = [case.trial(np.random.default_rng((5, index)), index) for index in range(5)]
-    # As seldom as stated: the least of five chances is not below a hundred-and-fiftieth.
+    expected = [case.trial(np.random.default_rng((5, index)), index) for index in range(8)]
+    # As seldom as stated: the least of eight chances is not below a hundred-and-fiftieth.
     assert min(expected) > math.log(1 / 150)
     assert not [row for row in case.rows(expected) if row.contradicted]
 

@@ -107,7 +107,7 @@ def test_both_rates_are_searched_and_the_right_one_is_told() -> None:
 
 
 def test_a_drifting_interval_is_followed_when_asked_for() -> None:
-    samples = flight(7, 5.5, drift=0.008)
+    samples = flight(10, 5.5, drift=0.008)
     steady = judged(samples).train
     followed = judged(samples, drift=0.01).train
     assert steady.false_alarm_probability > 0.01

@@ -280,6 +280,8 @@ def slot_energies(
     )
     grid, per_slot, reach = layout.grid, layout.columns_per_slot, layout.reach
     there = there & ~_dead(samples, round(ENERGY.dead_s * sample_rate_hz))
+    channel = _channel_noise(samples, there, round(ENERGY.channel_s * sample_rate_hz))
+    samples = np.asarray(samples / np.sqrt(channel), np.complex64)
     spectrogram = Spectrogram(grid)
     hop = grid.hop
     middle = grid.rows // 2
@@ -301,6 +303,7 @@ def slot_energies(
         done += count
     whole = _whole_windows(there, hop, grid.window, columns)
     loud, noise_db = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
+    noise_db += 10.0 * np.log10(channel[: columns * hop : hop])
     crest, wide = _channel_columns(samples, hop, grid.window, columns, sample_rate_hz)
     top = power.max(axis=0) if columns else np.zeros(0, np.float32)
     pulse = loud & (crest <= ENERGY.crest * np.maximum(top, ENERGY.loud_power))
@@ -350,6 +353,36 @@ def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
     for first, end in zero_runs(samples, least):
         dead[first:end] = True
     return dead
+
+
+def _channel_noise(
+    samples: NDArray[np.complex64], there: NDArray[np.bool_], length: int
+) -> NDArray[np.float32]:
+    """Noise power of the whole channel at each sample, up to a constant factor.
+
+    It is the median over time and frequency in spans of `length` samples, interpolated between
+    their middles. Impulses, pulses and hum hardly change it, because strong samples are
+    limited and a frame resolves narrow lines (8 Hz in spans of half a second).
+    """
+    many = ENERGY.channel_frames
+    frame = length // many
+    count = len(samples) // frame
+    frames = samples[: count * frame].reshape(count, frame)
+    size = np.abs(frames)
+    limit = 2.0 * np.median(size, axis=1, keepdims=True)
+    part = np.minimum(size, limit) / np.maximum(size, np.float32(1e-30))
+    power = np.abs(np.fft.fft(frames * part * np.hanning(frame).astype(np.float32))) ** 2
+    whole = np.asarray(there[: count * frame].reshape(count, frame).all(axis=1))
+    middles, levels = [], []
+    for first in range(0, count, many):
+        some = np.flatnonzero(whole[first : first + many]) + first
+        level = float(np.median(power[some])) if len(some) else 0.0
+        if level > 0.0:
+            middles.append((some.mean() + 0.5) * frame)
+            levels.append(level)
+    if not levels:
+        return np.ones(len(samples), np.float32)
+    return np.interp(np.arange(len(samples)), middles, levels).astype(np.float32)
 
 
 def _zeros_around(
