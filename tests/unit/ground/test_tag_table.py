@@ -15,6 +15,7 @@ from uavrt.ground.store.tag_table import (
     import_rows,
     not_selected,
     rows_from_tags,
+    slides_not_sent,
     tags_from_rows,
     warnings_of,
 )
@@ -305,3 +306,12 @@ def test_codes_that_are_near_are_named_in_words_that_the_page_has() -> None:
     assert words.startswith(f"codes {CODED_ROW['id']} and 14 are too similar")
     assert not in_german(words)[1]
     assert warnings_of(tags_from_rows([CODED_ROW, ROW])[0]) == []
+
+
+def test_an_import_says_that_frequency_slides_are_not_sent() -> None:
+    sliding = [made.tag(3, frequency_slide_hz=400.0), made.tag(4)]
+    files = {"tags.toml": export_text(sliding, "tags.toml")}
+    assert slides_not_sent(files) == [
+        "the frequency slides of tags 3 are not sent to the drone"
+    ]
+    assert slides_not_sent({"tags.toml": export_text(sliding[1:], "tags.toml")}) == []

@@ -158,7 +158,7 @@ def import_rows(files: Mapping[str, str]) -> list[Row]:
 
 
 def slides_not_sent(files: Mapping[str, str]) -> list[str]:
-    """Return a warning if a ``tags.toml`` lists frequency slides, which the table cannot hold."""
+    """Return a warning if a ``tags.toml`` lists frequency slides, which no row can hold."""
     tags = [
         tag
         for name, text in files.items()
