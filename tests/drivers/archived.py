@@ -40,6 +40,7 @@ def flight_task(place: Path, *steps: str, tags: tuple[Tag, ...] = ()) -> FlightT
         tags=tags,
         track=None,
         clock_offset_s=None,
+        vehicle=None,
         steps=steps,
         settings=PlacingSettings(),
     )

@@ -3,17 +3,17 @@
 import asyncio
 from pathlib import Path
 
-from tests.unit.ground.test_flights import flown_fixture, keeper_fixture  # noqa: F401  # fixtures
+from tests.unit.ground.test_flights import flown_fixture, stored  # noqa: F401  # a fixture
 
 from uavrt.ground.store.estimates import AntennaChoice, Estimator
-from uavrt.ground.store.stored_flights import FlightLibrary
+from uavrt.ground.store.flight_keeper import FlightKeeper
 from uavrt.ground.web.work.report_jobs import Reporter
 
 
 def test_the_pages_report_has_what_the_page_tells_of_the_antenna_that_is_set(
-    flown: tuple[FlightLibrary, str], tmp_path: Path
+    flown: FlightKeeper, tmp_path: Path
 ) -> None:
-    library, flight_id = flown
+    library, flight_id = stored(flown)
     columns, place = library.columns(flight_id), library.path(flight_id)
     reporter = Reporter(tmp_path / "reports")
     tags = library.summary(flight_id).tags

@@ -9,6 +9,8 @@ import pytest
 from command_line import uavrt
 from some import some
 
+from uavrt.analysis.archive.recordings import read_manifest
+from uavrt.analysis.archive.steps.remedies import by_manifest
 from uavrt.analysis.tracks.recognised import read_track
 from uavrt.core.errors import FormatError
 from uavrt.link.mavlink import dialect
@@ -73,3 +75,15 @@ def tags_file(directory: Path) -> Path:
     path = directory / "TagInfo.txt"
     path.write_text("2, 148710000, 1254, 20, 60, 10, 3, 0.005\n")
     return path
+
+
+def test_the_manifest_of_a_batch_names_the_vehicle_of_a_track(tmp_path: Path) -> None:
+    written(tmp_path / "both.tlog", {1: 46.0, 2: 46.01})
+    (tmp_path / "a.cf32").write_bytes(bytes(80))
+    manifest = tmp_path / "manifest.csv"
+    manifest.write_text("path,track,vehicle\na.cf32,both.tlog,2\n")
+    (found,) = read_manifest(manifest).values()
+    assert found.vehicle == 2
+    with pytest.raises(FormatError) as refused:
+        read_track(some(found.track))
+    assert "with vehicle (in --manifest)" in by_manifest(str(refused.value))

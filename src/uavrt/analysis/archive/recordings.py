@@ -25,7 +25,7 @@ from uavrt.radio.opening import open_recording, reveals_format
 TRACK_ENDINGS = (".ulg", ".bin", ".BIN", ".tlog", ".nmea", ".gpx")
 MANIFEST_COLUMNS = (
     *("path", "format", "sample_rate_hz", "center_frequency_hz", "start_time"),
-    *("track", "clock_offset_s"),
+    *("track", "clock_offset_s", "vehicle"),
 )
 
 
@@ -51,6 +51,8 @@ class Recording:
     clock_offset_s: float | None = None
     """Offset of the recording's clock from the track's clock [s], positive if the recording's
     clock is ahead; None if unknown."""
+    vehicle: int | None = None
+    """MAVLink system id of the vehicle of the track; None for the only one."""
 
     @property
     def name(self) -> str:
@@ -368,6 +370,7 @@ def _recording_of(folder: Path, line: Mapping[str, str | None]) -> Recording:
         start_time_ns=parse_iso_utc(cells["start_time"]) if cells["start_time"] else None,
         track=track,
         clock_offset_s=_number(cells["clock_offset_s"]),
+        vehicle=int(cells["vehicle"]) if cells["vehicle"] else None,
     )
 
 

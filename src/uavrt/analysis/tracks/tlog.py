@@ -134,8 +134,7 @@ def _chosen(path: Path, vehicles: Mapping[int, _Vehicle], wanted: int | None) ->
     if wanted is None:
         raise FormatError(
             f"{path} contains vehicles {names}",
-            remedy="Name the one with the receiver (--vehicle of `uavrt attach` and `uavrt "
-            "integrate`)",
+            remedy="Name the one with the receiver with --vehicle",
         )
     raise FormatError(
         f"{path} contains no vehicle {wanted}", remedy=f"The log contains {names}"

@@ -48,7 +48,9 @@ class Between:
 Port = Annotated[int, Parameter(validator=Between(least=0, most=65_535))]
 """Type of an option for a TCP or UDP port; 0 takes any free one."""
 Component = Annotated[int, Parameter(validator=Between(least=1, most=255))]
-Vehicles = tuple[Annotated[int, Parameter(validator=Between(least=1, most=255))], ...]
+Vehicle = Annotated[int, Parameter(validator=Between(least=1, most=255))]
+"""Type of an option for the MAVLink system id of a vehicle."""
+Vehicles = tuple[Vehicle, ...]
 Seed = Annotated[int, Parameter(validator=Between(least=0))]
 Count = Annotated[int, Parameter(validator=Between(least=1))]
 """Type of an option for a whole number of at least 1."""

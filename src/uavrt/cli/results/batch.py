@@ -72,7 +72,7 @@ def batch(
         Directory for the tables.
     manifest
         CSV with columns path, format, sample_rate_hz, center_frequency_hz, start_time, track,
-        clock_offset_s for data that recordings lack; leave unknown cells empty.
+        clock_offset_s, vehicle for data that recordings lack; leave unknown cells empty.
     frequency_window
         Half-width of the search around each tag's nominal frequency, in hertz.
     workers

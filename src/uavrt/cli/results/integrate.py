@@ -4,7 +4,15 @@
 from uavrt.cli.shown.notices import notice, warn
 from uavrt.core.messages import WHOLE_FLIGHT_FALSE_ALARM
 from uavrt.cli.options.elevation_option import elevation_of
-from uavrt.cli.options.kinds import Between, Degrees, Hertz, Power, SecondsApart, TagIds
+from uavrt.cli.options.kinds import (
+    Between,
+    Degrees,
+    Hertz,
+    Power,
+    SecondsApart,
+    TagIds,
+    Vehicle,
+)
 from uavrt.cli.options.inputs import NOTHING_STATED, Stated, chosen_tags
 from uavrt.cli.options.near_codes import warn_of_near_codes
 from uavrt.cli.shown.progress_bars import progress_bar, progress_bars
@@ -38,7 +46,7 @@ def integrate(
     recording: Path | None = None,
     track: Path | None = None,
     clock_offset: SecondsApart | None = None,
-    vehicle: int | None = None,
+    vehicle: Vehicle | None = None,
     yaw_offset: Degrees = 0.0,
     tags: Path | None = None,
     tag: TagIds = (),

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from uavrt.cli.options.inputs import require_content
-from uavrt.cli.options.kinds import Degrees, SecondsApart
+from uavrt.cli.options.kinds import Degrees, SecondsApart, Vehicle
 from uavrt.cli.options.near_codes import warn_of_near_codes
 from uavrt.cli.shown.notices import notice, warn
 from uavrt.cli.shown.outputs import check_place, keep_inputs
@@ -21,7 +21,7 @@ def attach(
     yaw_offset: Degrees = 0.0,
     antenna: str = "RA-23K",
     tags: Path | None = None,
-    vehicle: int | None = None,
+    vehicle: Vehicle | None = None,
 ) -> None:
     """Add poses from an autopilot's log or a GPS track to pulses.
 

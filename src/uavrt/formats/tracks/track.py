@@ -17,7 +17,7 @@ COURSE = (
 )
 STANDING = (
     "This track neither moves nor has an attitude, so its poses have no heading: bearings are "
-    "impossible, and positions follow from strength alone (--antenna monopole)."
+    "impossible, and positions follow from strength alone, as with a monopole."
 )
 _STEP_NS = NANOSECONDS_PER_SECOND
 _LONGEST_GAP_S = 15.0

@@ -122,6 +122,7 @@ class Placing:
             tags=self._sought.tags,
             track=None if recording is None else recording.track,
             clock_offset_s=None if recording is None else recording.clock_offset_s,
+            vehicle=None if recording is None else recording.vehicle,
             steps=tuple(step for step in STEPS if step in settings.steps and step != "detect"),
             settings=settings.placing,
         )

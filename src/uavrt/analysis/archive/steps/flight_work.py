@@ -110,6 +110,8 @@ class FlightTask:
     clock_offset_s: float | None
     """Offset of the recording's clock from the track's clock [s], positive if the recording's
     clock is ahead; None to estimate it."""
+    vehicle: int | None
+    """MAVLink system id of the track's vehicle; None for the only one."""
     steps: tuple[str, ...]
     settings: PlacingSettings
 
@@ -240,7 +242,10 @@ def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], f
             flight = replace(flight, info=info, pulse_poses=posed_in(flight, pulses))
         return flight, flight.pulse_poses, None
     assert task.track is not None
-    track, bare = read_track(task.track), [PulsePose(pulse=one, pose=None) for one in pulses]
+    track, bare = (
+        read_track(task.track, task.vehicle),
+        [PulsePose(pulse=one, pose=None) for one in pulses],
+    )
     offset_s = task.clock_offset_s
     if offset_s is None:
         offset_s = estimate_offset(bare, track, antenna=_antenna(task, None)).offset_s

@@ -6,6 +6,7 @@ COLUMN_OF = {
     "--center-frequency": "center_frequency_hz",
     "--start-time": "start_time",
     "--clock-offset": "clock_offset_s",
+    "--vehicle": "vehicle",
 }
 """Column of the manifest that corresponds to each option of the commands that read one
 recording."""

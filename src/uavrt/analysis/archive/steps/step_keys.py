@@ -32,7 +32,8 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
         [
             *(task.path, [one.file.stem for one in task.searched]),
             tags_as_read(task.tags) if task.searched else (),
-            *(task.clock_offset_s, how.antenna if estimated else None, uavrt.__version__),
+            *(task.clock_offset_s, task.vehicle),
+            *(how.antenna if estimated else None, uavrt.__version__),
         ],
         [*flight_files(task), *(asked if estimated else ())],
     )
