@@ -282,25 +282,10 @@ def slot_energies(
     there = there & ~_dead(samples, round(ENERGY.dead_s * sample_rate_hz))
     channel = _channel_noise(samples, there, round(ENERGY.channel_s * sample_rate_hz))
     samples = np.asarray(samples / np.sqrt(channel), np.complex64)
-    spectrogram = Spectrogram(grid)
-    hop = grid.hop
-    middle = grid.rows // 2
+    hop, columns = grid.hop, len(samples) // grid.hop
     # Rows a quarter of a bin apart; every second loses 0.1 dB in the mean (sinc² at 1/8 bin).
-    rows = np.arange(middle % 2, grid.rows, 2)
-    chunk = max(round(ENERGY.chunk_s * sample_rate_hz), 4 * grid.window)
-    columns = len(samples) // hop
-    power = np.zeros((len(rows), columns), np.float32)
-    done = 0
-    while done < columns:
-        first = spectrogram.needed()
-        if first >= len(samples) + chunk:
-            break
-        new = spectrogram.push(_zeros_around(samples, first, first + chunk))
-        count = min(len(new), columns - done)
-        if not count and first >= len(samples):
-            break
-        power[:, done : done + count] = new[:count, rows].T
-        done += count
+    rows = np.arange(grid.rows // 2 % 2, grid.rows, 2)
+    power = _row_powers(samples, grid, rows)
     whole = _whole_windows(there, hop, grid.window, columns)
     loud, noise_db = _standardise(power, whole, round(ENERGY.level_s / grid.hop_s))
     noise_db += 10.0 * np.log10(channel[: columns * hop : hop])
@@ -345,6 +330,28 @@ def slot_energies(
         if not tag.coded
         else SinglePulses(level=_tops(single, reach, at), starts_s=pulse_starts_s(tag)),
     )
+
+
+def _row_powers(
+    samples: NDArray[np.complex64], grid: Grid, rows: NDArray[np.int_]
+) -> NDArray[np.float32]:
+    """Power of the matched filter in some rows of the grid, shape (rows, columns)."""
+    spectrogram = Spectrogram(grid)
+    chunk = max(round(ENERGY.chunk_s * grid.sample_rate_hz), 4 * grid.window)
+    columns = len(samples) // grid.hop
+    power = np.zeros((len(rows), columns), np.float32)
+    done = 0
+    while done < columns:
+        first = spectrogram.needed()
+        if first >= len(samples) + chunk:
+            break
+        new = spectrogram.push(_zeros_around(samples, first, first + chunk))
+        count = min(len(new), columns - done)
+        if not count and first >= len(samples):
+            break
+        power[:, done : done + count] = new[:count, rows].T
+        done += count
+    return power
 
 
 def _dead(samples: NDArray[np.complex64], least: int) -> NDArray[np.bool_]:
