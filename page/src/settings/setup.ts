@@ -52,6 +52,8 @@ let choices: Choices | null = null;
 let checking = 0;
 /** Tags not flown with, as an imported file says; kept when the table is saved. */
 let leftOut: number[] | null = null;
+/** What an imported file holds that the table cannot: shown until the next import. */
+let importNotes: string[] = [];
 
 export function buildSetup(): void {
   fill(
@@ -359,6 +361,7 @@ function drawFaults(): void {
 
 /** What is no fault, but may surprise in flight: codes that are near to each other. */
 function drawWarnings(warnings: string[]): void {
+  warnings = [...importNotes, ...warnings];
   const shown = warnings.slice(0, MOST_WARNINGS).map((text) => h("p", {}, fromServer(text)));
   const more = warnings.length - shown.length;
   fill(by("tag-warnings"), ...shown, more > 0 ? h("p", {}, t("setup.more_code_pairs", { more })) : null);
@@ -389,7 +392,12 @@ async function importFiles(input: HTMLInputElement): Promise<void> {
   for (const file of input.files ?? []) files[file.name] = await file.text();
   input.value = "";
   try {
-    const answer = await send<{ rows: TagRow[]; left_out: number[] | null; warnings: string[] }>("POST", "/tags/import", files);
+    const answer = await send<{ rows: TagRow[]; left_out: number[] | null; warnings: string[]; notes: string[] }>(
+      "POST",
+      "/tags/import",
+      files,
+    );
+    importNotes = answer.notes;
     rows = answer.rows;
     leftOut = answer.left_out;
     touched();

@@ -44,6 +44,27 @@ def test_what_is_typed_while_the_table_is_saved_stays_and_is_no_conflict(scene: 
     assert tag.pulse_intervals_s == (1.333,)
 
 
+def test_what_an_imported_file_loses_stays_named_after_the_table_is_checked(
+    scene: Scene,
+) -> None:
+    page = scene.watch().page
+    page.click("#tab-setup")
+    expect(page.locator("#tag-import")).to_be_enabled()
+    file = scene.here / "sliding.toml"
+    file.write_text(
+        "[[tag]]\nid = 2\nfrequency_mhz = 148.71\ninterval_ms = 1254\npulse_width_ms = 20\n"
+        "frequency_slide_hz = 400\n"
+    )
+    held = Held(page, "**/api/tags/check", "POST")
+    page.set_input_files('input[accept*=".toml"]', str(file))
+    held.wait()
+    held.go()
+    held.settle()
+    expect(page.locator("#tag-warnings")).to_have_text(
+        "the frequency slides of tags 2 are not sent to the drone"
+    )
+
+
 def test_rows_are_typed_only_after_the_table_has_come(station: Scene) -> None:
     page = station.watch().page
     page.click("#tab-setup")

@@ -40,7 +40,8 @@ def imported_tags(content: bytes) -> dict[str, Any]:
     return {
         "rows": rows,
         "left_out": tag_table.not_selected(files),
-        "warnings": [*tag_table.slides_not_sent(files), *tag_table.warnings_of(tags)],
+        "warnings": tag_table.warnings_of(tags),
+        "notes": tag_table.slides_not_sent(files),
     }
 
 
