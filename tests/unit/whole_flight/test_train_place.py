@@ -8,6 +8,7 @@ import pytest
 from depth import count, seeds, share
 
 from uavrt.localization.position.levels.level_evidence import Propagation
+from uavrt.localization.tuning import FLIGHT
 from uavrt.localization.whole_flight.ground_cells import Cells, LikelyGround
 from uavrt.localization.whole_flight.heard_train import HeardTrain, slot_logs, train_pulses
 from uavrt.localization.whole_flight.train_place import _EXPONENT_SHARES
@@ -103,6 +104,31 @@ def test_cells_in_parts_cover_the_same_ground_and_are_parted_where_they_differ()
     assert parts.width_deg * 3.0 == pytest.approx(np.full(18, 5.0))
     assert parts.ratio**3 == pytest.approx(np.full(18, 1.45))
     assert set(parts.bearing_deg[:9].round(2)) == {0.0, 1.67, 358.33}
+
+
+@pytest.mark.parametrize(("cell_m", "sigma_m"), [(1.0, FLIGHT.place_sigma_m), (40.0, 0.0)])
+def test_an_error_of_the_drones_own_position_widens_narrow_regions(
+    cell_m: float, sigma_m: float
+) -> None:
+    """Regions of tags close to the path were as narrow as for exact drone positions."""
+    bearing, out = (one.ravel() for one in np.meshgrid(np.arange(-20, 21), np.arange(-20, 21)))
+    turn_deg, count = np.degrees(cell_m / 3000.0), len(out)
+    logs = np.zeros((2, count))
+    logs[:, count // 2] = 50.0
+    ground = LikelyGround(
+        bearing_deg=bearing * turn_deg,
+        range_m=3000.0 + out * cell_m,
+        width_deg=np.full(count, turn_deg),
+        ratio=np.full(count, 1.0 + cell_m / 3000.0),
+        uneven=np.zeros(count),
+        logs=logs,
+        level_db=np.zeros((2, count)),
+    )
+    shifted = ground.shifted
+    assert shifted.sum() == pytest.approx(1.0)
+    for across in (bearing * cell_m, out * cell_m):
+        spread_m = np.sqrt(shifted.sum(axis=0) @ across**2.0)
+        assert spread_m == pytest.approx(sigma_m, abs=0.05)
 
 
 def lanes(exponent: float = 2.0) -> Course:

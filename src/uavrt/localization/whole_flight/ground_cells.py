@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
+from scipy import sparse, spatial
 from scipy.sparse import csgraph
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.units import wrap_degrees_180, wrap_degrees_360
-from uavrt.localization.position.bayes_fix import shifted_m
+from uavrt.localization.tuning import FLIGHT
 from uavrt.localization.whole_flight.tag_places import east_north
 from uavrt.localization.whole_flight.tuning import PLACE
 
@@ -54,17 +54,18 @@ class Cells:
         """True for cells of the region that contains `share`, whichever path loss exponent is
         true, shape (cells,).
 
-        For each exponent it is the smallest such region. After a single pass of the tag, the
-        exponents cannot be distinguished, and a joint region would ignore the less probable
-        ones.
+        It is the union of each exponent's smallest regions of one common probability, so that
+        the union contains `share`. After a single pass of the tag, the exponents cannot be
+        distinguished, and the smallest joint region would ignore the less probable ones.
         """
-        area = self.area
-        inside = np.zeros(len(area), bool)
+        least = np.ones(len(self.range_m))
         for probability in self.by_fall:
-            order = np.argsort(-probability / area, kind="stable")
+            order = np.argsort(-probability / self.area, kind="stable")
             before = np.cumsum(probability[order]) - probability[order]
-            inside[order[before < share]] = True
-        return inside
+            least[order] = np.minimum(least[order], before)
+        order = np.argsort(least, kind="stable")
+        reached = int(np.searchsorted(np.cumsum(self.probability[order]), share))
+        return np.asarray(least <= least[order[min(reached, len(order) - 1)]])
 
     def holds(self, east_m: float, north_m: float, share: float) -> bool:
         """True if a position is in the region that contains the probability `share`."""
@@ -168,8 +169,7 @@ class Cells:
     ) -> list[float]:
         """Radii of the circles around a position that contain given probabilities [m].
 
-        Each cell's probability is spread evenly over its ground, as in `region`. The radii
-        allow for an error common to all positions of the drone.
+        Each cell's probability is spread evenly over its ground, as in `region`.
         """
         chosen = slice(None) if cells is None else cells
         parts = (np.arange(PLACE.points) + 0.5) / PLACE.points
@@ -185,10 +185,7 @@ class Cells:
         order = np.argsort(away)
         sums = np.cumsum(held[order])
         last = np.searchsorted(sums, np.asarray(shares) * sums[-1])
-        radii = away[order][np.minimum(last, len(order) - 1)]
-        return [
-            shifted_m(float(radius), share) for radius, share in zip(radii, shares, strict=True)
-        ]
+        return [float(one) for one in away[order][np.minimum(last, len(order) - 1)]]
 
     def arc_deg(self, middle_deg: float, share: float) -> float:
         """Width of the arc around a bearing that contains a given probability [deg]."""
@@ -241,6 +238,21 @@ class LikelyGround:
         """
         held = np.exp(self.logs - self.logs.max()) * self.area
         return np.asarray(held / held.sum())
+
+    @property
+    def shifted(self) -> _Floats:
+        """Probability as in `held`, with an error common to all positions of the drone.
+
+        Each cell's probability is spread by a normal distribution over the cells around it.
+        Cells that are wider than the distribution keep it.
+        """
+        sigma_m = FLIGHT.place_sigma_m
+        tree = spatial.KDTree(np.stack(east_north(self.bearing_deg, self.range_m), axis=1))
+        near = tree.sparse_distance_matrix(tree, 4.0 * sigma_m, output_type="coo_matrix")
+        weight = np.exp(-0.5 * (near.data / sigma_m) ** 2) * self.area[near.col]
+        spread = sparse.csr_array((weight, (near.row, near.col)), shape=near.shape)
+        each = np.asarray(spread.sum(axis=1))
+        return np.asarray((self.held / each) @ spread)
 
     def to_part(self) -> NDArray[np.intp]:
         """Indices of the cells that must be divided: wide, uneven and likely cells."""

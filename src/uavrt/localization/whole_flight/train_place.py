@@ -421,7 +421,7 @@ def _refined_cells(reading: _Reading, logs: _Floats) -> tuple[Cells, float, _Flo
         found = _all_logs(reading, from_here, falls=len(logs) > 1)
         held, level_db = _over_levels(found, levels_db)
         ground = ground.with_parts(which, replace(parts, logs=held, level_db=level_db))
-    held = ground.held
+    held = ground.shifted
     believed = held[held.sum(axis=1) >= PLACE.least_exponent_share]
     cells = Cells(
         plane=places.plane,
