@@ -293,7 +293,7 @@ def _poses(facts: FlightFacts) -> Finding:
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
-        return failed(what, "no tags in the table", "Type the tags in under Set-up")
+        return failed(what, "no tags in the table", "Enter the tags under Set-up")
     nothing = _Heard()
     heard = [
         (tag, bench.tags.get(tag.tag_id, nothing))

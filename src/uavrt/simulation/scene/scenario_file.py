@@ -40,8 +40,10 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     try:
         check_toml(text, SETTINGS)
         table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigError(f"{source} is not valid TOML: {error}") from error
+    except ValueError as error:
+        raise ConfigError(f"{source} cannot be read: {error}") from error
     faults: list[str] = []
     _read_start_time(table, faults)
     try:
