@@ -49,7 +49,7 @@ _NOT_JUDGED = (
 )
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
-    "assumes one. uavrt integrate shows what its samples contain"
+    "assumes that one ran. uavrt integrate shows what the flight's samples contain"
 )
 _ANTENNA_UNKNOWN = (
     "an earlier version of uavrt searched the whole flight and did not record frequencies "

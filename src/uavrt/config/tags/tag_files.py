@@ -123,8 +123,8 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(
             f"{target} ends in neither .toml nor .txt, so its format is unknown",
-            remedy="Choose a name that ends in .toml, or in .txt for the thesis's TagInfo "
-            "format",
+            remedy="Choose a name that ends in .toml, or in .txt for the TagInfo format "
+            "of the original UAV-RT",
         )
 
 

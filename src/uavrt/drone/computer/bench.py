@@ -287,7 +287,7 @@ def _poses(facts: FlightFacts) -> Finding:
             f"the last position is {age_s:.0f} s old",
             "Check the telemetry radio and the autopilot's stream rates",
         )
-    return passed(what, "positions arrive")
+    return passed(what, "the drone's positions arrive")
 
 
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:

@@ -239,7 +239,7 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
-            f"{name[:80]} has {len(places)} corners, which is too many",
+            f"{name[:80]} has {len(places)} corners; at most {MAX_PLACES} are allowed",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
@@ -271,7 +271,7 @@ def _request(body: dict[str, Any]) -> MotionRequest:
     places = places_in(body.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
-            f"the area has {len(places)} corners, which is too many",
+            f"the area has {len(places)} corners; at most {MAX_PLACES} are allowed",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(

@@ -148,8 +148,8 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
     pulses = coverage.pulses_on(corners, request.tag, request.speed_m_s)
     if pulses * len(request.heights_m) > _MOST_PULSES:
         raise UsageError(
-            f"the map cannot be calculated in reasonable time: it needs {pulses:.0f} pulses "
-            f"at {len(request.heights_m)} heights",
+            f"the map needs {pulses:.0f} pulses at each of {len(request.heights_m)} heights; "
+            f"at most {_MOST_PULSES} in total can be calculated",
             remedy="Choose fewer heights, a wider line spacing or a smaller area",
         )
     area = coverage.map_around(
