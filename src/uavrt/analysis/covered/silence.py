@@ -56,7 +56,7 @@ _ANTENNA_UNKNOWN = (
     "and antenna: those of the flight are assumed"
 )
 _NOT_SILENT = (
-    "the whole-flight search was for {} and does not apply here, so the result uses only "
+    "the whole-flight search was for {} and does not apply to this map, so the map uses only "
     "groups of pulses. Run uavrt integrate again"
 )
 _WITHIN = "the result covers tags within {:g} Hz of their listed frequency"

@@ -321,7 +321,11 @@ def _disk(facts: FlightFacts) -> Finding:
     what = "disk"
     free_mb = facts.disk_free_mb
     if free_mb is None:
-        return failed(what, "the drone has not reported its free space", "Wait ten seconds")
+        return failed(
+            what,
+            "the drone has not reported its free space",
+            "Wait ten seconds for the drone's report",
+        )
     if free_mb < facts.disk_needed_mb:
         return failed(
             what,

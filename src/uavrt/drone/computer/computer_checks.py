@@ -222,7 +222,7 @@ def check_disk(settings: Settings) -> Finding:
 
 def check_card(settings: Settings) -> Finding:
     """Check the health of the memory card with the flights."""
-    what = "memory card"
+    what = "card"
     directory = Path(settings.recording.directory).resolve()
     present = next(path for path in (directory, *directory.parents) if path.exists())
     card = card_of(present)

@@ -235,7 +235,9 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
         return {"places": _listed(places), "keep_out": []}
     name, text = body.get("name"), body.get("text")
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area must have a name and a text, or a center and a radius_m")
+        raise FormatError(
+            "an area must have the name and the text of a file, or a center and a radius_m"
+        )
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
