@@ -47,4 +47,4 @@ class WallClockWatch:
 
 def _wrong_time() -> str | None:
     fault = clock_fault()
-    return None if fault is None else f"Clock of the drone: {fault}"
+    return None if fault is None else f"Drone's clock: {fault}"

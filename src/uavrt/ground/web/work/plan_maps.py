@@ -106,8 +106,8 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
     farthest_m = max(distance_m(*places[0], *one) for one in places)
     if not farthest_m <= _FARTHEST_M:
         raise UsageError(
-            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
-            "far",
+            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point; "
+            f"at most {_FARTHEST_M / 1e3:.0f} km are allowed",
             remedy=f"Plan a path of at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
