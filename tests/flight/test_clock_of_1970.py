@@ -49,7 +49,7 @@ def test_it_flies_says_so_and_its_flight_stays_the_newest(
     ground = Listening(drone)
     ground.listen(
         lambda: len(ground.pulses) >= 3,
-        lambda: any("clock: shows 1970-01-01 00:0" in text for text in ground.texts),
+        lambda: any("the clock shows 1970-01-01 00:0" in text for text in ground.texts),
     )
     assert all(item.pose is not None for item in ground.pulses)
     assert all(0 < item.pulse.start_time_ns < 15 * MINUTE_NS for item in ground.pulses)

@@ -179,7 +179,7 @@ def test_a_missing_radio_names_the_package(
     monkeypatch.setenv("PATH", str(tmp_path))
     finding = checks.check_radio(Settings(), None)
     assert not finding.ok
-    assert finding.remedy == "Install it: sudo apt install airspy"
+    assert finding.remedy == "Install the program: sudo apt install airspy"
 
 
 def test_a_missing_serial_port_is_told_by_name(tmp_path: Path) -> None:

@@ -51,8 +51,10 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
         text = decode_text(content)
         check_toml(text, SETTINGS)
         document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise _error(name, [f"not TOML: {error}"]) from None
+    except ValueError as error:
+        raise _error(name, [str(error)]) from None
     lines = find_lines(text)
     faults = [
         (line_of(lines, (table, key)) or 1, text)

@@ -213,7 +213,7 @@ OFFERED: dict[str, Parameter] = {**PARAMETERS, RUN.name: RUN}
 def run_wanted(value: float) -> bool:
     """True if a value of `DET_RUN` starts detection; raises `ConfigError` if not 0 or 1."""
     if not (math.isfinite(value) and RUN.allows(value)):
-        raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts, 0 stops")
+        raise ConfigError(f"{RUN.name} cannot be {value:g}: 1 starts detection, 0 stops it")
     return bool(value)
 
 

@@ -263,7 +263,10 @@ def check_toml(text: str, limit: Limit) -> None:
     grows with each level of brackets.
     """
     if len(text) > limit.bytes:
-        raise ValueError(f"the text has {len(text):,} characters, too many for {limit.what}")
+        raise ValueError(
+            f"the text has {len(text):,} characters; {limit.what} can have at most "
+            f"{limit.bytes:,}"
+        )
     bare = _TOML_QUIET.sub(lambda found: "" if found[0][0] == "#" else "x", text)
     values = depth = 0
     for found in _TOML_MARK.finditer(bare):

@@ -50,7 +50,7 @@ class Card:
         if self.errors:
             found.append(f"file-system errors: {self.errors}")
         if (self.life_used_tenths or 0) >= WORN_TENTHS:
-            found.append("the memory is worn out")
+            found.append("the flash memory is worn out")
         return found
 
 
@@ -136,7 +136,7 @@ def clock_fault() -> str | None:
     """Return a text on a fault of this computer's clock or battery; None without a fault."""
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
-        return time.strftime("shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
+        return time.strftime("the clock shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))
     off_s = battery_clock_off_s()
     if off_s is not None and abs(off_s) > BATTERY_CLOCK_OFF_S:
         way = "ahead" if off_s > 0 else "behind"

@@ -161,7 +161,10 @@ class OrderExecution:
         return None if step is None or _waits(step, now) else self._request_step(step, now)
 
     def _due(self, now: VehicleNow) -> Step | None:
-        """Return the step to request now, a return or hold before others; None without one."""
+        """Return the step to request now; None if no step is due.
+
+        A return or a hold comes before the order's other steps.
+        """
         urgent = self._urgent(now)
         if isinstance(urgent, Home) and self.shared:
             self._steps, self._number, self._holding = [self._over_home(now), urgent], 0, None

@@ -2,7 +2,7 @@
 
 import itertools
 from dataclasses import dataclass, replace
-from math import cos, hypot, pi, sin
+from math import ceil, cos, hypot, pi, sin
 
 import numpy as np
 
@@ -128,8 +128,9 @@ def _check_stay(now: VehicleNow, limits: Limits, plane: TangentPlane) -> None:
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
-            f"the drone is {hypot(*here):.0f} m from home, beyond the fence",
-            remedy="Return: `uavrt fly return`, or widen guidance.fence_m",
+            f"the drone is {hypot(*here):.0f} m from home, beyond the fence of "
+            f"{limits.fence_m:.0f} m",
+            remedy="Run `uavrt fly return`, or widen guidance.fence_m",
         )
     reason = must_return(now, limits)
     if reason is not None:
@@ -140,12 +141,14 @@ def _takeoff(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
     if order.height_m is None:
-        raise PlanError("a take-off needs a height", remedy="Give one: `uavrt fly takeoff 30`")
+        raise PlanError(
+            "a take-off needs a height", remedy="Give one, for example: `uavrt fly takeoff 30`"
+        )
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     (here,) = _local(plane, ((now.latitude_deg, now.longitude_deg),))
     if not _fence(limits).contains(*np.array([here]).T).all():
         raise PlanError(
-            "the drone is beyond the fence",
+            f"the drone is beyond the fence, {limits.fence_m:.0f} m from home",
             remedy="Widen guidance.fence_m, or carry the drone closer",
         )
     duration = 5.0 + max(0.0, height - now.altitude_relative_m) / _LIMITS.sure_climb_m_s
@@ -245,7 +248,8 @@ def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
         raise PlanError(
-            f"{sum(counts)} positions for turns are too many",
+            f"the survey has {sum(counts)} positions for turns; at most {_LIMITS.most_turns} "
+            "are allowed",
             remedy="Choose a wider spacing or a smaller area",
         )
     found = []
@@ -375,8 +379,8 @@ def check_ground(
         needed = max(high, float(ground.highest_home_m(x, y).max())) + limits.lowest_m
         if flown < needed - SAFETY.gust_below_m:
             raise PlanError(
-                f"to stay clear of the ground, path and return need {needed:.0f} m above home",
-                remedy="Climb first: `uavrt fly hold --height`",
+                f"path and return need {needed:.0f} m above home to clear the ground",
+                remedy=f"Climb first: `uavrt fly hold --height {ceil(needed)}`",
             )
         low = float(np.nanmin(np.append(beneath, np.inf)))
         if np.isfinite(low) and height - low > limits.highest_m + SAFETY.gust_below_m:
@@ -447,9 +451,9 @@ def _plan_path(
     """
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
-            f"the drone is at {now.altitude_relative_m:.0f} m, below the lowest "
-            f"permitted height of {limits.lowest_m:.0f} m",
-            remedy="Climb first: `uavrt fly hold --height`",
+            f"the drone is at {now.altitude_relative_m:.0f} m, below the least permitted "
+            f"{limits.lowest_m:.0f} m",
+            remedy=f"Climb first: `uavrt fly hold --height {ceil(limits.lowest_m)}`",
         )
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     stations = ((now.latitude_deg, now.longitude_deg), *places)

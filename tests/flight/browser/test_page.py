@@ -267,7 +267,7 @@ def test_a_whole_flight_is_flown_through_the_page(
     watched.caption("5. The flight is kept: replay, report, files for other programs.")
     page.click("#tab-flights")
     # The newer one holds the capture, without pulses.
-    received = page.locator("tr[data-flight]", has_text="received here")
+    received = page.locator("tr[data-flight]", has_text="received by this station")
     expect(received).to_have_count(2)
     row = received.last
     watched.picture("flights")

@@ -104,9 +104,7 @@ def test_after_the_landing_the_page_tells_of_hindsight_and_of_silence(scene: Sce
     page.click("#show-after")
     verdicts = page.locator("#verdicts li")
     expect(verdicts).to_have_count(3)
-    expect(verdicts.nth(0)).to_contain_text(
-        "in one of 2 places that the flight cannot distinguish:"
-    )
+    expect(verdicts.nth(0)).to_contain_text("in one of 2 places that all fit the flight:")
     expect(verdicts.nth(0)).to_contain_text("within 80 m (49")
     expect(page.locator("#verdicts img.fold")).to_have_count(1)
     expect(page.locator("#integrate-begin")).to_be_hidden()

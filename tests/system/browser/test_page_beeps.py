@@ -43,7 +43,7 @@ def test_a_wrong_label_is_corrected_by_one_press_and_undone_by_another(
     expect(box).to_contain_text("148.9352\u202fMHz · every 1102\u202fms")
     expect(box).to_contain_text("spurious image of 148.710640 MHz (tag 2)", timeout=4 * WAIT_MS)
     watched.picture("beeps")
-    page.get_by_role("button", name="Set tag 2 to this frequency").click()
+    page.get_by_role("button", name="Set tag 2 to the measured frequency").click()
     expect(box).to_contain_text(
         "tag 2: 148.710640 MHz, was 148.710000 MHz", timeout=4 * WAIT_MS
     )
@@ -78,4 +78,4 @@ def test_an_offset_of_all_tags_is_shown_with_one_button_for_the_receiver(scene: 
     box = page.locator("#beeps")
     expect(box).to_contain_text("All tags are +2.0 ppm off", timeout=4 * WAIT_MS)
     expect(box.get_by_role("button", name="Correct the receiver's frequency")).to_have_count(1)
-    expect(box.get_by_role("button", name="to this frequency")).to_have_count(0)
+    expect(box.get_by_role("button", name="to the measured frequency")).to_have_count(0)

@@ -198,6 +198,16 @@ def test_what_is_no_map_and_what_was_damaged_is_named(tmp_path: Path) -> None:
         made.path.write_bytes(damaged)
         with pytest.raises(FormatError, match=says):
             read_map(made.path)
+
+
+def test_an_index_in_another_compression_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    made = write_pmtiles(tmp_path / "valley.pmtiles", *PLACE)
+    content = made.path.read_bytes()
+    made.path.write_bytes(content[:97] + b"\x04" + content[98:])  # zstd
+    column, row = tile_place(*PLACE, ZOOM)
+    with pytest.raises(FormatError, match="compression other than gzip") as refused:
+        read_map(made.path).tile(ZOOM, int(column), int(row))
+    assert refused.value.remedy == "Convert the map to MBTiles, or write its index with gzip"
     rng = np.random.default_rng(4)
     for _ in range(300):
         damaged = bytearray(content)

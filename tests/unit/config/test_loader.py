@@ -184,10 +184,20 @@ def test_a_mode_that_no_detector_has_is_refused_with_the_four() -> None:
         parse_settings(b'[detection]\noperating_mode = "hard"\n', name="uavrt.toml")
 
 
-@pytest.mark.parametrize("content", [b"[radio\n", b"\xff\xfe\xff", b"a = " + b"[" * 5000])
-def test_what_is_not_toml_is_refused(content: bytes) -> None:
-    with pytest.raises(ConfigError, match="not TOML"):
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (b"[radio\n", "not TOML: "),
+        (b"\xff\xfe\xff", "not text"),
+        (b"a = " + b"[" * 5000, "nested more than 8 levels deep"),
+        (b"#" * 300_000, "300,000 characters; a settings file can have at most 200,000"),
+    ],
+)
+def test_what_is_not_toml_or_beyond_the_limits_is_refused(content: bytes, fault: str) -> None:
+    with pytest.raises(ConfigError) as refused:
         parse_settings(content, name="uavrt.toml")
+    assert fault in str(refused.value)
+    assert ("not TOML" in str(refused.value)) == fault.startswith("not TOML")
 
 
 def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:

@@ -85,5 +85,5 @@ def test_a_worn_emmc_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     settings = Settings(recording=RecordingSettings(directory=str(tmp_path)))
     finding = checks.check_card(settings)
     assert not finding.ok
-    assert "file-system errors: 3 · the memory is worn out" in finding.text
+    assert "file-system errors: 3 · the flash memory is worn out" in finding.text
     assert "812 GB written" in finding.text

@@ -304,7 +304,7 @@ def test_what_the_disk_here_has_no_room_for_is_not_begun(
     with pytest.raises(RecordingError, match="50 MB are free"):
         require_room([entry], tmp_path / "new", samples=False)
     monkeypatch.undo()
-    with pytest.raises(RecordingError, match="too much for a flight"):
+    with pytest.raises(RecordingError, match="recorded samples has at most 2 GB"):
         require_room([replace(entry, size=3_000_000_000)], tmp_path, samples=False)
 
 

@@ -51,7 +51,7 @@ def choice(north_m: float, east_m: float, held: tuple[int, ...] = ()) -> Choice:
     ("neighbour", "named"),
     [
         (other(60.0, 0.0, 52.0, (-60.0, 0.0)), "the path of vehicle 2 is 0 m from this drone"),
-        (other(60.0, 0.0, 45.0, (90.0, 0.0)), "searches 5 m above or below"),
+        (other(60.0, 0.0, 45.0, (90.0, 0.0)), "searches only 5 m higher or lower"),
     ],
 )
 def test_a_search_too_near_another_is_refused(

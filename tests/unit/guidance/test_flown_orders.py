@@ -301,7 +301,9 @@ def test_beyond_the_fence_nothing_is_offered_that_the_authority_would_refuse(
     flown = prepared()
     flown.vehicle.body.north_m = 560.0
     flown.run(0.5)
-    with pytest.raises(PlanError, match=r"is 560 m from home, beyond the fence\. Return"):
+    with pytest.raises(
+        PlanError, match=r"is 560 m from home, beyond the fence of 500 m\. Run `uavrt"
+    ):
         flown.order(action)
     flown.order("return")
     assert flown.authority.standing is ControlStage.CONFIRMED

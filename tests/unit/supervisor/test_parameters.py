@@ -87,7 +87,7 @@ def test_detection_starts_and_stops_by_a_parameter(tmp_path: Path) -> None:
 def test_what_is_neither_start_nor_stop_changes_nothing(tmp_path: Path, value: float) -> None:
     operator = with_tags(tmp_path)
     reply = operator.refusal("set_parameter", parameter="DET_RUN", value=value)
-    assert reply == f"DET_RUN cannot be {value:g}: 1 starts, 0 stops"
+    assert reply == f"DET_RUN cannot be {value:g}: 1 starts detection, 0 stops it"
     assert operator.state == "has_tags"
 
 

@@ -62,7 +62,7 @@ def test_a_list_goes_to_the_drone_and_is_the_same_there() -> None:
     assert answer.acked_command == CommandId.TAG
     accept(exchange, exchange.receive(end, GROUND))
     assert tag_list_digest([TAG]) == tag_list_digest([CodedTag.decode(coded).tag])
-    with pytest.raises(LinkError, match="thesis's software"):
+    with pytest.raises(LinkError, match="original UAV-RT"):
         CommandEncoder("G0").upload([TAG])
 
 

@@ -161,7 +161,7 @@ def test_a_recording_that_was_cut_off_is_judged_as_far_as_it_goes(
     samples.write_bytes(samples.read_bytes()[: 7 * weak.samples.nbytes // 10 // 8 * 8 + 5])
     (said,) = ran(*recorded, *KNOWN).json
     told = " ".join(said["limitations"])
-    assert "only the samples before it were searched" in told
+    assert "only the samples before this fault were searched" in told
     end_ns = START_NS + round(0.7e9 * len(weak.samples) / RATE_HZ)
     assert all(one["time_ns"] < end_ns for one in said["integrated_pulses"] or [])
 

@@ -62,7 +62,7 @@ async def test_on_a_full_disk_the_page_says_what_the_drone_has_and_the_press_can
             patch.setattr(settings, "replacing", full)
             refused = await press(page, CORRECT)
         assert refused.status == 422
-        words = "tag 2 was corrected on the drone, but not in the list here: "
+        words = "tag 2 was corrected on the drone, but not in this station's tag list: "
         assert refused.json["error"].startswith(words)
         assert "No space left" in refused.json["error"]
         state = await page.state()

@@ -101,7 +101,8 @@ def run_batch(
         return _run(found, sought, output.absolute(), settings, watch or BatchWatch())
     except OSError as error:
         raise RecordingError(
-            f"{output} cannot be written: {error.strerror}", remedy="Free some disk space"
+            f"{output} cannot be written: {error.strerror}",
+            remedy="Free some disk space, or give a writable directory with -o",
         ) from error
     finally:
         lock.release()

@@ -49,14 +49,14 @@ _NOT_JUDGED = (
 )
 _NO_DETECTORS = (
     "no record shows that a detector ran in this flight (no search report, no pulse); the map "
-    "assumes one. uavrt integrate shows what its samples contain"
+    "assumes that one ran. uavrt integrate shows what the flight's samples contain"
 )
 _ANTENNA_UNKNOWN = (
     "an earlier version of uavrt searched the whole flight and did not record frequencies "
     "and antenna: those of the flight are assumed"
 )
 _NOT_SILENT = (
-    "the whole-flight search was for {} and does not apply here, so the result uses only "
+    "the whole-flight search was for {} and does not apply to this map, so the map uses only "
     "groups of pulses. Run uavrt integrate again"
 )
 _WITHIN = "the result covers tags within {:g} Hz of their listed frequency"

@@ -134,8 +134,8 @@ def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 def _cell(key: str, value: Any) -> Any:
-    """Convert an attribute to the type of its column; times are given to milliseconds (clause
-    1.1.1.1.2).
+    """Return an attribute's value; times are written with three decimals of a second, as
+    clause 1.1.1.1.2 of the GeoPackage standard (OGC 12-128r18) requires for DATETIME.
     """
     if key not in _TIMES or value is None:
         return value

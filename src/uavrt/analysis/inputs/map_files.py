@@ -40,6 +40,10 @@ _TYPES = {1: "mvt", 2: "png", 3: "jpg", 4: "webp", 5: "avif"}
 _NOT_COMPRESSED, _GZIP = 1, 2
 
 
+class _OtherCompressionError(ValueError):
+    """The index of a PMTiles file is compressed by a method that uavrt does not support."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFile:
     """An open map file and its metadata."""
@@ -74,7 +78,10 @@ class MapFile:
             )
         except _DAMAGED as error:
             text = f"{self.path.name} cannot be read: {error}"
-            raise FormatError(text, remedy="Download the file again") from error
+            remedy = "Download the file again"
+            if isinstance(error, _OtherCompressionError):
+                remedy = "Convert the map to MBTiles, or write its index with gzip"
+            raise FormatError(text, remedy=remedy) from error
 
     def covers(self, west: float, south: float, east: float, north: float) -> bool:
         """True if the file's bounds contain an area."""
@@ -253,7 +260,7 @@ def _unpacked(content: bytes, compression: int) -> bytes:
     if compression == _NOT_COMPRESSED:
         return content
     if compression != _GZIP:
-        raise ValueError("the tiles are compressed by another method than gzip")
+        raise _OtherCompressionError("the map's index uses a compression other than gzip")
     return zlib.decompressobj(wbits=31).decompress(content, MAP_PART.bytes)
 
 

@@ -95,8 +95,10 @@ def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
 
 def _array(entry: dict[str, Any]) -> SwitchedArray:
     kind, size_m = str(entry["kind"]), float(entry["size_m"])
-    if kind not in _METHODS or not 0.0 < size_m < 100.0:
-        raise ValueError(f"kind {kind!r} with size_m {size_m:g} is not supported")
+    if kind not in _METHODS:
+        raise ValueError(f"kind {kind!r} is not one of {', '.join(_METHODS)}")
+    if not 0.0 < size_m < 100.0:
+        raise ValueError(f"size_m {size_m:g} must be above 0 and below 100")
     return SwitchedArray(
         kind=kind,
         size_m=size_m,

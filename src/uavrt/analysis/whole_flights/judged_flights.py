@@ -323,7 +323,7 @@ def channel_samples(
         except FormatError as error:
             if on_fault is None or not done:
                 raise
-            on_fault(f"{error.message}: only the samples before it were searched")
+            on_fault(f"{error.message}: only the samples before this fault were searched")
             break
         if block is None:
             continue

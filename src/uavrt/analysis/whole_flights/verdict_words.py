@@ -54,7 +54,7 @@ def where_in_words(
     """
     if len(parts) > 1:
         return [
-            f"in one of {len(parts)} places that {flown} cannot distinguish:",
+            f"in one of {len(parts)} places that all fit {flown}:",
             *(
                 f"at {place_in_words(one)}, within "
                 f"{one.radius95_m:.0f} m ({100.0 * one.probability:.0f} %)"

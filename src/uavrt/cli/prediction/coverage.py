@@ -128,7 +128,10 @@ def coverage(
     from uavrt.cli.shown.outputs import make_directory, print_json
 
     if not height:
-        raise ConfigError("the flight height is missing", remedy="Give --height 60")
+        raise ConfigError(
+            "the flight height is missing",
+            remedy="Give it with --height, for example --height 60",
+        )
     _check_used(
         source,
         of_plan={

@@ -219,8 +219,8 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
     if action != "search" and (area is not None) != (action == "survey"):
         raise ConfigError(
             f"{action} {'needs an' if action == 'survey' else 'accepts no'} area",
-            remedy="An area is for a survey: uavrt fly survey --area FILE.geojson "
-            "(or .kml, .plan)",
+            remedy="Give an area to a survey or a search, for example: "
+            "uavrt fly survey --area FILE.geojson (or .kml, .plan)",
         )
     if area is not None:
         return area_in(_text_of(area), str(area))

@@ -117,14 +117,14 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
     if target.name.lower() == "detectorconfig.txt":
         raise ConfigError(
             f"uavrt does not write {target}, a file of the original detector",
-            remedy="Choose a name that ends in .toml, or TagInfo.txt; "
-            "flights contain a detectorConfig.txt for each tag",
+            remedy="Choose a name that ends in .toml, or TagInfo.txt. uavrt writes "
+            "detectorConfig.txt only into flight directories, one for each tag",
         )
     if target.suffix.lower() not in (".toml", ".txt"):
         raise ConfigError(
             f"{target} ends in neither .toml nor .txt, so its format is unknown",
-            remedy="Choose a name that ends in .toml, or in .txt for the thesis's TagInfo "
-            "format",
+            remedy="Choose a name that ends in .toml, or in .txt for the TagInfo format "
+            "of the original UAV-RT",
         )
 
 

@@ -170,7 +170,8 @@ def _fault_of_frequency(n: float, unit: str) -> str | None:
         if other != unit and MIN_FREQUENCY_HZ <= n * factor <= MAX_FREQUENCY_HZ:
             value = n * factor / _FREQUENCY_UNITS[unit]
             return f"looks like {other} but is read as {unit}: write {value:.13g}"
-    return f"is not a tag's frequency: {MIN_FREQUENCY_HZ / 1e6:.0f} to 1000 MHz"
+    low, high = MIN_FREQUENCY_HZ / 1e6, MAX_FREQUENCY_HZ / 1e6
+    return f"must be a frequency from {low:.0f} to {high:.0f} MHz"
 
 
 def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:

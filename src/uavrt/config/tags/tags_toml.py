@@ -291,7 +291,10 @@ def _syntax_fault(error: ValueError) -> Fault:
     head, _, place = message.partition(" (at ")
     number = place.removeprefix("line ").split(",", 1)[0]
     line = int(number) if number.isdigit() else 1
-    return Fault(line=line, text=f"not TOML: {head[0].lower()}{head[1:]}")
+    text = f"{head[0].lower()}{head[1:]}"
+    if isinstance(error, tomllib.TOMLDecodeError):
+        text = f"not TOML: {text}"
+    return Fault(line=line, text=text)
 
 
 def _quoted(text: str) -> str:

@@ -33,7 +33,10 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
         import yaml
     found: list[Node] = []
     if len(text) > YAML_TAGS.bytes:
-        fault = f"{len(text):,} characters are too many for {YAML_TAGS.what}"
+        fault = (
+            f"the text has {len(text):,} characters; {YAML_TAGS.what} can have at most "
+            f"{YAML_TAGS.bytes:,}"
+        )
         faults.append(Fault(line=1, text=fault))
         return found
     try:

@@ -257,11 +257,12 @@ def _leak(power: float, apart_bins: float) -> float:
 
 
 def _has_gaps(places: list[tuple[int, Measured]]) -> bool:
-    """True if pulses of a group are missing, such as every second one at the other rate.
+    """True if some pulses of a group are missing.
 
-    In a short group, each pulse is compared with the strongest. In a long group of weak pulses,
-    some are always low; there, all second slots are tested together, for a pulse of the same
-    strength against none.
+    This happens if the tag sends at its other pulse interval, so that every second expected
+    pulse is absent. In a short group, the weakest pulse is compared with the strongest. In a
+    long group of weak pulses, some are low by chance. There, every other expected pulse is
+    tested jointly (log likelihood ratio): as strong as the rest, or absent.
     """
     powers = [pulse.power for _, pulse in places]
     if len(places) <= JUDGE.few_pulses:

@@ -287,13 +287,13 @@ def _poses(facts: FlightFacts) -> Finding:
             f"the last position is {age_s:.0f} s old",
             "Check the telemetry radio and the autopilot's stream rates",
         )
-    return passed(what, "positions arrive")
+    return passed(what, "the drone's positions arrive")
 
 
 def _tags(facts: FlightFacts, bench: Bench, now_ns: int) -> Finding:
     what = "tags"
     if not facts.tags:
-        return failed(what, "no tags in the table", "Type the tags in under Set-up")
+        return failed(what, "no tags in the table", "Enter the tags under Set-up")
     nothing = _Heard()
     heard = [
         (tag, bench.tags.get(tag.tag_id, nothing))
@@ -321,7 +321,11 @@ def _disk(facts: FlightFacts) -> Finding:
     what = "disk"
     free_mb = facts.disk_free_mb
     if free_mb is None:
-        return failed(what, "the drone has not reported its free space", "Wait ten seconds")
+        return failed(
+            what,
+            "the drone has not reported its free space",
+            "Wait ten seconds for the drone's report",
+        )
     if free_mb < facts.disk_needed_mb:
         return failed(
             what,

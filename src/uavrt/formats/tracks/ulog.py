@@ -50,7 +50,9 @@ def read_ulog(path: Path) -> VehicleTrack:
     except FormatError:
         raise
     except OSError as error:
-        raise FormatError(f"cannot read {path}: {error.strerror}") from error
+        raise FormatError(
+            f"cannot read {path}: {error.strerror}", remedy="Check the name of the file"
+        ) from error
     except Exception as error:
         raise FormatError(
             f"{path} is a damaged ULog file: {error}",

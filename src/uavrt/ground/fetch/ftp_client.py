@@ -130,8 +130,8 @@ class FileClient:
             entries += new
         raise LinkError(
             f"{path} on the drone has more than {MOST_ENTRIES} files and directories",
-            remedy="Name the part to fetch; if this is unexpected, someone may be "
-            "impersonating the drone",
+            remedy="Name one of its folders to fetch; if the drone cannot have so many "
+            "files, someone may be impersonating it",
         )
 
     async def tree(self, path: str) -> RemoteTree:
@@ -323,8 +323,8 @@ def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) 
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
-            f"the drone lists {whole / 1e9:.1f} GB, which is too much for a flight without "
-            "recorded samples",
+            f"the drone lists {whole / 1e9:.1f} GB; a flight without its recorded samples has "
+            f"at most {MOST_BYTES / 1e9:.0f} GB",
             remedy="Fetch the flight's files one by one; someone may be impersonating the "
             "drone",
         )

@@ -98,7 +98,7 @@ def _reason(action: str, now: Situation) -> str | None:
     if reason is not None:
         return reason
     if action == "send_tags" and now.tags == 0:
-        return "No tags: type them in under Set-up"
+        return "No tags: enter them under Set-up"
     command = COMMAND_OF_ACTION[action].name
     if now.state is not None and not isinstance(outcome(now.state, command), Accepted):
         return (

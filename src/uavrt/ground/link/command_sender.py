@@ -184,11 +184,11 @@ class Commands:
                 await store.disk.run(store.correct_tag, correction)
             except (OSError, UavrtError) as error:
                 reason = error.message if isinstance(error, UavrtError) else error
-                text = f"tag {tag_id} was not corrected in the list here: {reason}"
+                text = f"tag {tag_id} was not corrected in this station's tag list: {reason}"
                 if link is not None:
                     text = (
-                        f"tag {tag_id} was corrected on the drone, but not in the list here: "
-                        f"{reason}"
+                        f"tag {tag_id} was corrected on the drone, but not in this station's "
+                        f"tag list: {reason}"
                     )
                 raise RecordingError(
                     text,
@@ -214,7 +214,9 @@ class Commands:
         reason = cannot_command(now) if in_flight else wait_for(now)
         if reason is not None and lost and not now.drone_present:
             minutes = f"{_SWITCHED_OFF_S / 60:.0f} min"
-            reason += f". After {minutes} without contact, the tag list here can be corrected"
+            reason += (
+                f". After {minutes} without contact, this station's tag list can be corrected"
+            )
         if reason is not None:
             raise LinkError(reason)
         return vehicle.connection.link if in_flight else None

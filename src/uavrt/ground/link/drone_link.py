@@ -287,6 +287,6 @@ def _without_codes(error: LinkError) -> LinkError:
     return LinkError(
         f"{error.message}; if it answers other commands, its software does not support coded "
         "tags",
-        remedy="Update the drone, give the list on the drone (`uavrt run --tags`), or send the "
-        "beeping tags alone",
+        remedy="Update the drone, give the list on the drone (`uavrt run --tags`), or send "
+        "only the tags without codes",
     )

@@ -84,7 +84,7 @@ def tags_from_rows(rows: object) -> tuple[tuple[Tag, ...], list[FieldFault]]:
         raise UsageError("tags must be a list of rows")
     if len(rows) > MAX_ROWS:
         raise UsageError(
-            f"the list has {len(rows)} tags, which is too many",
+            f"the list has {len(rows)} tags; at most {MAX_ROWS} are allowed",
             remedy=f"Use at most {MAX_ROWS} tags",
         )
     found: list[FieldFault] = []

@@ -111,7 +111,9 @@ def survey_items(
             remedy="Choose --pattern lines or around",
         )
     if order.height_m is None:
-        raise PlanError("a survey as a mission needs a height", remedy="Give --height 60")
+        raise PlanError(
+            "a survey as a mission needs a height", remedy="Give one, for example --height 60"
+        )
     limits = limits or Limits()
     check_height(order.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
     places = survey_places(order, order.places[0] if order.places else (0.0, 0.0))

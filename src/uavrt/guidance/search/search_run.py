@@ -129,7 +129,10 @@ class SearchRun:
         )
 
     def place(self, time_ns: int, now: VehicleNow) -> None:
-        """Note the drone's present position, where pulses may be missed."""
+        """Store the antenna's present pose; pulses missed at this time are evaluated with it.
+
+        Ignored before the search begins.
+        """
         if self._begun_ns is None:
             return
         east, north = self._task.here_m(now)

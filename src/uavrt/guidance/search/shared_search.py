@@ -99,7 +99,7 @@ class SharedSearch:
             apart = abs(course.altitude_amsl_m - amsl)
             if apart < SEPARATION.height_m - 0.5:
                 raise PlanError(
-                    f"vehicle {one.vehicle} searches {apart:.0f} m above or below that height",
+                    f"vehicle {one.vehicle} searches only {apart:.0f} m higher or lower",
                     remedy=f"Choose heights at least {SEPARATION.height_m:.0f} m apart",
                 )
 

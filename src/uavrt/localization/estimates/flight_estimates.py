@@ -62,7 +62,7 @@ NEVER_TURNED = (
     "it was detected, but not in a turn in place; receivers that do not turn add strengths "
     "to a position only if other receivers have bearings"
 )
-_SURVEY_ALONE = "the signal strengths of a survey give a position of their own"
+_SURVEY_ALONE = "this receiver's pulse strengths give a position by themselves"
 
 _Floats = NDArray[np.float64]
 

@@ -172,7 +172,8 @@ def _mosaic(areas: Iterable[tuple[Raster, int, int]], window: _Window) -> NDArra
     count = (bottom - top) * (right - left)
     if count > _MOST_POINTS:
         raise UsageError(
-            f"the area has {count:,} heights in the elevation files, which is too many",
+            f"the area has {count:,} heights in the elevation files; at most {_MOST_POINTS:,} "
+            "are allowed",
             remedy="Choose a smaller area, or coarser files",
         )
     points = np.full((bottom - top, right - left), np.nan, np.float32)

@@ -118,11 +118,11 @@ def _directory(file: BinaryIO) -> tuple[str, dict[int, Any]]:
     head = file.read(16)
     order = {b"II": "<", b"MM": ">"}.get(head[:2])
     if order is None or len(head) < 8:
-        raise ValueError("the file does not begin as a TIFF")
+        raise ValueError("the file does not begin like a TIFF file")
     version = struct.unpack(order + "H", head[2:4])[0]
     big = version == 43
     if version not in (42, 43):
-        raise ValueError("the file does not begin as a TIFF")
+        raise ValueError("the file does not begin like a TIFF file")
     offset = struct.unpack(order + ("Q" if big else "I"), head[8:16] if big else head[4:8])[0]
     file.seek(offset)
     count = struct.unpack(order + ("Q" if big else "H"), file.read(8 if big else 2))[0]

@@ -98,7 +98,8 @@ def ground_grid(
     rows = max(2, math.ceil((north_m - south_m) / cell_m) + 1)
     if rows * columns > _MOST_CELLS:
         raise UsageError(
-            f"the area has {rows * columns:,} squares of {cell_m:g} m, which is too many",
+            f"the area has {rows * columns:,} squares of {cell_m:g} m; at most {_MOST_CELLS:,} "
+            "are allowed",
             remedy="Choose larger map cells, or a smaller area",
         )
     east = west_m + cell_m * np.arange(columns)

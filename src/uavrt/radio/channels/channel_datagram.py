@@ -114,7 +114,7 @@ def stamp_style(payload: bytes) -> StampStyle:
 def channel_port(channel: int, scheme: PortScheme = "current", *, second: bool = False) -> int:
     """UDP port of a channel; `channel` is counted from 0, the channel at the radio's centre."""
     if second and scheme == "thesis":
-        raise ValueError("the port scheme of the thesis has no second port for a channel")
+        raise ValueError('the port scheme "thesis" has no second port for a channel')
     port = FIRST_PORT + (channel if scheme == "thesis" else 2 * channel + second)
     if not FIRST_PORT <= port < 65_536:
         raise ValueError(f"no UDP port exists for channel {channel}")

@@ -170,7 +170,7 @@ def _missing(
     closed = [one for one in chosen if not os.access(one.node, os.R_OK | os.W_OK)]
     if cause is Cause.FORBIDDEN or closed:
         return (
-            "this user may not open it",
+            "this user has no permission to open the radio",
             "Install the udev rule (sudo uavrt service install), join the group plugdev, and "
             "plug the radio in again",
         )
@@ -179,7 +179,7 @@ def _missing(
     if not row.usb:
         return (
             "no radio is found",
-            "Plug it in, close other programs that use it, and install the SoapySDR module for "
-            "it (soapysdr-module-…)",
+            "Plug the radio in, close other programs that use it, and install its SoapySDR "
+            "module (soapysdr-module-…)",
         )
     return "no radio is plugged in", "Plug the radio in, or try another cable or port"

@@ -332,7 +332,7 @@ def _start(command: Sequence[str], package: str) -> "subprocess.Popen[bytes]":
     with os_errors_as(
         RadioMissing,
         f"cannot run {command[0]}",
-        f"Install it again: sudo apt install --reinstall {package}",
+        f"Install the program again: sudo apt install --reinstall {package}",
     ):
         return subprocess.Popen(
             [*_end_with_parent(), *command],
@@ -357,7 +357,8 @@ def _end_with_parent() -> list[str]:
 def _find(program: str, package: str) -> None:
     if shutil.which(program) is None:
         raise RadioMissing(
-            f"{program} is not installed", remedy=f"Install it: sudo apt install {package}"
+            f"{program} is not installed",
+            remedy=f"Install the program: sudo apt install {package}",
         )
 
 

@@ -58,8 +58,8 @@ class SoapySource(LiveSource):
         except ImportError as error:
             raise RadioMissing(
                 "SoapySDR's Python module is not installed",
-                remedy="Install it: sudo apt install python3-soapysdr, and make uavrt's "
-                "environment with --system-site-packages",
+                remedy="Install the module: sudo apt install python3-soapysdr, and make "
+                "uavrt's environment with --system-site-packages",
             ) from error
         self.overflows = 0
         self._clock = Clock.start() if clock is None else clock

@@ -40,8 +40,16 @@ def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     try:
         check_toml(text, SETTINGS)
         table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{source} is not valid TOML: {error}") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ConfigError(
+            f"{source} is not valid TOML: {error}",
+            remedy="Correct the line, or start from a "
+            "copy of the demo's scenario: uavrt simulate demo -o DIR",
+        ) from error
+    except ValueError as error:
+        raise ConfigError(
+            f"{source} cannot be read: {error}", remedy="Simplify or shorten the file"
+        ) from error
     faults: list[str] = []
     _read_start_time(table, faults)
     try:

@@ -105,7 +105,9 @@ class PulseOutlet:
         return receipt.store in stores.confirmed, self.sender.underway.fresh_trip_s
 
     def tick(self, now_ns: int) -> None:
-        """Report pulses sent to stations without receipts; read unsent pulses from disk."""
+        """Report pulses as delivered that were sent to stations that send no receipts; read
+        unsent pulses from disk.
+        """
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
         for number, key in self.sender.settled():
             self._delivered(number, [key], now_ns)

@@ -161,7 +161,9 @@ class MotionControl:
     def known(self) -> Authority:
         """Return the `Authority`; raises `CommandRefused` while the autopilot is unknown."""
         if self.authority is None:
-            raise CommandRefused("the autopilot has not reported yet")
+            raise CommandRefused(
+                "the autopilot has not reported yet", remedy="Check the link to the autopilot"
+            )
         return self.authority
 
     def fly(self, request: VehicleRequest, now_s: float) -> bool:

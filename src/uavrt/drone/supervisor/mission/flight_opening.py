@@ -99,4 +99,7 @@ def _make_directory(parent: Path, start_ns: int) -> Path:
                 remedy="Free some space, or set recording.directory to a writable path",
             ) from error
         return directory
-    raise RecordingError(f"cannot make a new flight directory in {parent}")
+    raise RecordingError(
+        f"{parent} has 99 flights that began in the same second",
+        remedy="Wait a second, then start again",
+    )

@@ -51,7 +51,7 @@ class TagUpload:
         At most `maximum_tags` tags are allowed (None: 1000).
         """
         if tag is None:
-            raise UavrtError("the tag is missing")
+            raise UavrtError("the command contains no tag")
         if self._tags.get(tag.tag_id, tag) != tag:
             raise UavrtError(
                 f"tag {tag.tag_id} was already sent with other values: send "
@@ -71,7 +71,9 @@ class TagUpload:
         if not self._tags:
             raise UavrtError("no tag was sent: send TAG before END_TAGS")
         for one, two in same_codes(tuple(self._tags.values())):
-            raise UavrtError(f"tags {one.tag_id} and {two.tag_id} have the same code")
+            raise UavrtError(
+                f"tags {one.tag_id} and {two.tag_id} have the same code: leave one of them out"
+            )
         self.sent = max(self.sent, tag_count or 0)
         if len(self._tags) < self.sent:
             return f"{len(self._tags)} of {self.sent} tags"

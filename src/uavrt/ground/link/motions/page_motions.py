@@ -235,11 +235,13 @@ def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
         return {"places": _listed(places), "keep_out": []}
     name, text = body.get("name"), body.get("text")
     if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError("an area must have a name and a text, or a center and a radius_m")
+        raise FormatError(
+            "an area must have the name and the text of a file, or a center and a radius_m"
+        )
     places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
     if len(places) > MAX_PLACES:
         raise FormatError(
-            f"{name[:80]} has {len(places)} corners, which is too many",
+            f"{name[:80]} has {len(places)} corners; at most {MAX_PLACES} are allowed",
             remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
         )
     if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
@@ -271,7 +273,7 @@ def _request(body: dict[str, Any]) -> MotionRequest:
     places = places_in(body.get("places", []))
     if len(places) > MAX_PLACES:
         raise UsageError(
-            f"the area has {len(places)} corners, which is too many",
+            f"the area has {len(places)} corners; at most {MAX_PLACES} are allowed",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     return motion_request(

@@ -37,8 +37,9 @@ class CommandEncoder:
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
             raise LinkError(
-                f"the thesis's software cannot search for coded tags (tags {coded})",
-                remedy="Send only the beeping tags, or choose another drone software in Set-up",
+                f"the original UAV-RT cannot search for coded tags (tags {coded})",
+                remedy="Send only the tags without codes, or choose another drone software "
+                "under Set-up",
             )
         if self._generation != "G2":
             older: Generation = "G0" if self._generation == "G0" else "G1"

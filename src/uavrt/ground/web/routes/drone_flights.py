@@ -67,7 +67,10 @@ class ExtraApi:
         found = await asyncio.to_thread(recordings, flight)
         chosen = [one for one in found if one.name == query.get("recording", one.name)]
         if not chosen:
-            raise NotFound("this flight has no recorded samples on this computer")
+            raise NotFound(
+                "this flight has no recorded samples on this computer",
+                remedy="Fetch the flight from the drone with its recorded samples",
+            )
         tag_id = int(_number(query.get("tag", ""), "tag"))
         summary = await asyncio.to_thread(library.summary, flight_id)
         tag = tag_of(summary.tags, tag_id)

@@ -106,8 +106,8 @@ def _plan_in(wanted: dict[str, Any]) -> tuple[tuple[tuple[float, float], ...], f
     farthest_m = max(distance_m(*places[0], *one) for one in places)
     if not farthest_m <= _FARTHEST_M:
         raise UsageError(
-            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point, which is too "
-            "far",
+            f"the plan reaches {farthest_m / 1e3:.0f} km from its first point; "
+            f"at most {_FARTHEST_M / 1e3:.0f} km are allowed",
             remedy=f"Plan a path of at most {_FARTHEST_M / 1e3:.0f} km",
         )
     if way is not None:
@@ -148,8 +148,8 @@ def _made(request: PlanMapRequest, on_step: OnStep) -> PlanMaps:
     pulses = coverage.pulses_on(corners, request.tag, request.speed_m_s)
     if pulses * len(request.heights_m) > _MOST_PULSES:
         raise UsageError(
-            f"the map cannot be calculated in reasonable time: it needs {pulses:.0f} pulses "
-            f"at {len(request.heights_m)} heights",
+            f"the map needs {pulses:.0f} pulses at each of {len(request.heights_m)} heights; "
+            f"at most {_MOST_PULSES} in total can be calculated",
             remedy="Choose fewer heights, a wider line spacing or a smaller area",
         )
     area = coverage.map_around(

@@ -18,6 +18,7 @@ POLICY = (
     "frame-ancestors 'none'"
 )
 """Content security policy of a report: no scripts, since people typed the names in it."""
+_BY_COMMAND = "Make the report with the command uavrt report"
 FACTS = "report.toml"
 """File of texts about flights, written by people (`uavrt.analysis.inputs.flight_facts`)."""
 
@@ -87,9 +88,9 @@ async def _made(place: Path, flight: Path, antenna: AntennaChoice) -> bytes:
             )
     except TimeoutError as error:
         late = f"the report was not ready after {TIMEOUT_S:g} s"
-        raise RecordingError(
-            late, remedy="Make the report with the command uavrt report"
-        ) from error
+        raise RecordingError(late, remedy=_BY_COMMAND) from error
     if code != 0:
+        if not text:
+            raise RecordingError("the report could not be made", remedy=_BY_COMMAND)
         raise RecordingError(f"the report could not be made: {text}")
     return await asyncio.to_thread((place / "report.html").read_bytes)

@@ -97,7 +97,7 @@ def recorded_picture(path: Path, tag: Tag, start_s: float, length_s: float) -> P
     finally:
         source.close()
     if waterfall is None or not waterfall.power.any():
-        raise FormatError(f"{path.name} has no samples in that time")
+        raise FormatError(f"{path.name} has no samples in the requested time")
     power = waterfall.power
     return picture(
         power,

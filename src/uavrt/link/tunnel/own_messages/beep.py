@@ -32,7 +32,11 @@ _LAYOUT = Layout(
 
 
 def encode_beep(beep: Beep) -> bytes:
-    """Encode a report of a beeping sender; a long reason is cut."""
+    """Encode a report of a transmitter of regular pulses.
+
+    The text that says why it may not be an animal's tag is cut to 48 bytes, the list of
+    possible tags to three.
+    """
     return _LAYOUT.pack(
         beep,
         kind=_KINDS.index(beep.kind),

@@ -101,7 +101,7 @@ def encode_request(request: MotionRequest) -> bytes:
     if len(places) > MAX_PLACES:
         others = " with its keep-out areas" if kept else ""
         raise UsageError(
-            f"the area has {len(places)} corners{others}: too many",
+            f"the area has {len(places)} corners{others}; at most {MAX_PLACES} are allowed",
             remedy=f"Draw an area with {MAX_PLACES} corners or fewer",
         )
     width_m = request.accuracy_m if request.action == "search" else request.spacing_m

@@ -269,7 +269,7 @@ def _cautions_of_odd(odd: NDArray[np.bool_], *, scatter: bool) -> tuple[Caution,
         text = f"{_contradicting(numbers)}, so the position may be wrong"
         return (Caution(name="contradiction", text=text),)
     if len(numbers):
-        text = f"{_contradicting(numbers)} and is left out"
+        text = f"bearing {numbers[0]} contradicts the other bearings and is left out"
         return (Caution(name="outlier", text=text),)
     return ()
 
