@@ -13,16 +13,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Highest multiple of a signal's offset from the centre frequency at which a spurious signal is
-assumed."""
+"""Highest multiple of a signal's offset from the centre where a ghost is assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
 """Smallest distance between a signal and a spurious signal that it causes [Hz]; anything nearer
 counts as spectral leakage."""
 _USUAL_HZ = 500.0
-"""Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
-wider."""
+"""Largest assumed error of a tag's labelled frequency [Hz]."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
 """Multiples of a signal's offset from the centre frequency at which it causes spurious signals,
 lowest first; -1 is the mirror image."""
@@ -39,9 +37,7 @@ Q separately."""
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """A receiver's centre frequency and sample rate, which determine where spurious signals
-    appear.
-    """
+    """Centre frequency and sample rate, which determine where spurious signals appear."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -49,9 +45,7 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with `partners_hz`, may cause a spurious signal at
-        `ghost_hz`.
-        """
+        """True if a signal, alone or with `partners_hz`, may appear at `ghost_hz`."""
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -67,9 +61,7 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share (0 to 1) of a tag's search band that may contain spurious signals of another
-        signal.
-        """
+        """Share (0 to 1) of a tag's search band with possible ghosts of another signal."""
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):

@@ -13,8 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
-"""Extension of a file that is being written. A power cut can leave such a file, which may be
-removed."""
+"""Extension of a file being written; one that a power cut left may be removed."""
 _PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 

@@ -65,8 +65,7 @@ YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, d
 """Limits for tag lists in YAML: PyYAML reads 200 kB a second, and 500 coded tags take 60 kB."""
 SHAPES = Limit(what="an area or a path", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""Limits for JSON files such as SigMF metadata of a recording with gaps, or results of a
-flight."""
+"""Limits for JSON files, such as SigMF metadata or results of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 """Limits for the JSON description of an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)

@@ -25,8 +25,7 @@ NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
 """Earliest plausible time, June 2025 [ns]; a clock that shows an earlier time was never set."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""Error of the battery-backed clock from which it counts as faulty [s]; the clock counts whole
-seconds."""
+"""Error of the battery-backed clock that counts as a fault [s]; it counts seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

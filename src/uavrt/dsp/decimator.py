@@ -82,9 +82,7 @@ class Decimator:
         return self.delay_samples / self.sample_rate_hz
 
     def reset(self) -> None:
-        """Clear the filter's memory; the next input sample becomes sample 0 and yields output
-        ``y[0]``.
-        """
+        """Clear the filter's memory; the next sample becomes sample 0 and yields ``y[0]``."""
         self._tail = np.zeros(self.taps.size - 1, dtype=np.complex64)
 
     def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -119,9 +117,7 @@ class Decimator:
         return out
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
-        """Filter samples into `out`; the first sample is the oldest one that ``out[0]``
-        needs.
-        """
+        """Filter samples, from the oldest that ``out[0]`` needs, into `out`."""
         native = kernels()
         if native is not None:
             native.decimate(samples, self._pairs, self.factor, out)

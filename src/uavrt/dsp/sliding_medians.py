@@ -1,6 +1,4 @@
-"""Compute the median over time of each frequency row of a spectrogram, several times faster
-than NumPy.
-"""
+"""Compute the median of each column several times faster than NumPy."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -54,8 +54,7 @@ LEAST_FREE_BYTES = 1_000_000
 """Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Maximum number of pulses that wait in memory while the disk fails: 84 MB, or 3.5 hours at 8
-pulses a second."""
+"""Maximum number of pulses in memory while the disk fails: 84 MB, 3.5 h at 8/s."""
 
 MAX_WAITING_OTHERS = 20_000
 """Maximum number of other records that wait in memory while the disk fails: half an hour of

@@ -15,8 +15,7 @@ from uavrt.guidance.safety import SAFETY
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
-"""Function that returns the heights above sea level [m] at latitudes and longitudes; NaN if
-unknown."""
+"""Returns heights above sea level [m] at latitudes and longitudes; NaN if unknown."""
 STEP_M = 10.0
 _MOST_SQUARES = 300
 
@@ -30,8 +29,7 @@ class GroundAround:
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Heights of the ground above home [m], NaN if unknown; rows go north, columns east, from
-    the south-west corner."""
+    """Ground above home [m], NaN if unknown; rows go north, columns east, from south-west."""
 
     @classmethod
     def around(

@@ -8,8 +8,7 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of entered frequencies that are taken as megahertz and refused; no radio tag transmits
-at so few hertz."""
+"""Range of entered frequencies that are refused, as they must be megahertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a "
     "rate that the radio supports"
@@ -46,8 +45,7 @@ class LiveSource:
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """True if the sender may be slower than real time; late samples then do not mean that
-    samples were lost."""
+    """True if the sender may be slower than real time: late samples are then no loss."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
     """Remedy in the error for samples that arrive at a wrong rate."""
 

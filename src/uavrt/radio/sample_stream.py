@@ -22,8 +22,7 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.timing.sample_placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate length of a sample block [s]; longer blocks add latency, and shorter blocks wake
-the program more often."""
+"""Approximate length of a sample block [s]: latency against wake-ups."""
 _WRITE: Final = 16384
 """Number of samples of which blocks are multiples, as are the writes of radio programs;
 airspy_rx writes 65 536 samples at once. So a block ends with a write and needs no extra

@@ -48,8 +48,7 @@ class SimulatedRecording:
     outside: tuple[int, ...]
     """Ids of the tags with frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Ids of tags that TagInfo.txt cannot describe completely: coded tags, and tags with two
-    intervals."""
+    """Ids of coded and two-interval tags, which TagInfo.txt cannot fully describe."""
 
 
 def simulate_to_directory(

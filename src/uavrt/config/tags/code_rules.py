@@ -12,8 +12,7 @@ from uavrt.config.tags.tag_drafts import Entry, Fault, TagDraft
 from uavrt.core.messages import Tag
 
 MAX_CODES = 500
-"""Maximum number of coded tags in a list; one core can search for this many besides its other
-work."""
+"""Maximum number of coded tags in a list, as one core can search for."""
 MOST_NEAR = 50
 """Maximum number of pairs of similar codes that are printed as warnings."""
 MAX_GAPS = 7
@@ -73,9 +72,7 @@ def _faults_of_numbers(
 
 
 def faults_of_codes(drafts: Sequence[TagDraft]) -> list[Fault]:
-    """Check a whole list of codes; return a fault if there are too many codes, and one for each
-    duplicate.
-    """
+    """Return a fault if a list has too many codes, and one for each duplicate."""
     coded = [draft for draft in drafts if draft.gaps]
     found: list[Fault] = []
     if len(coded) > MAX_CODES:
@@ -125,9 +122,7 @@ class _Code:
 
 
 class _Codes:
-    """Set of codes in which an equal code is found quickly, indexed by number of gaps and total
-    length.
-    """
+    """Set of codes, indexed by number of gaps and total length."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
@@ -187,9 +182,7 @@ def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, fl
 
 
 def words_of_near_codes(tags: Sequence[Tag], window_hz: float) -> list[str]:
-    """Return warnings about pairs of codes that are so similar that one may be reported as the
-    other.
-    """
+    """Warn of pairs of codes so similar that one may be reported as the other."""
     near = near_codes(tags, window_hz)
     more = [f"and {len(near) - MOST_NEAR} more pairs"] if len(near) > MOST_NEAR else []
     return [

@@ -17,8 +17,7 @@ from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """For each port of a PX4: value of MAV_n_CONFIG, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""For each port label on an ArduPilot board: usual number n of its SERIALn parameters; boards
-differ."""
+"""Usual n of the SERIALn parameters for each port label of an ArduPilot board."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)

@@ -25,8 +25,7 @@ NOISE_RISE_DB = 6.0
 """Increase of a tag's noise level since its lowest value that counts as a fault [dB]; such an
 increase halves the detection range."""
 NOISE_APART_DB = 10.0
-"""Difference of noise levels between two tag frequencies that counts as a fault [dB]; 3 dB is
-usual."""
+"""Difference of noise at two tag frequencies that is a fault [dB]; 3 dB is usual."""
 NOISE_LESS_DB = 10.0
 """How far the noise may be below that of past flights before it counts as a fault [dB]. Low
 noise shows a disconnected antenna or a low gain."""
@@ -55,8 +54,7 @@ class FlightFacts:
     heard: bool
     """True if the drone answers on its link."""
     own_findings: tuple[Finding, ...] = ()
-    """Results of the checks of this computer; each replaces the check of the drone with the
-    same name."""
+    """Checks of this computer, each in place of the drone's check of that name."""
     time_known: bool | None = None
     """True if the autopilot's clock is known; None if another check covers it."""
     clock_off_s: float | None = None

@@ -26,8 +26,7 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""Time without a report after which systemd restarts the service [s]. Tuning FFTs at the start
-may take 10 s."""
+"""Silence after which systemd restarts the service [s]; tuning FFTs takes 10 s."""
 
 DRIVES = ("/media", "/run/media")
 """Directories where removable drives are mounted, for the command "save logs"."""

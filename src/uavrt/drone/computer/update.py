@@ -33,15 +33,12 @@ from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
 PrintText = Callable[[str], None]
 Restart = Callable[[], None]
 TrialCheck = Callable[[], tuple[Verdict, str]]
-"""Function that monitors a new version on trial. It returns the decision, and a text on what
-failed."""
+"""Monitors a version on trial; returns the decision, and a text on what failed."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
-"""Optional parts of uavrt (pip extras), each with a package that shows whether the part is
-installed."""
+"""Optional parts (pip extras), each with a package that shows it is installed."""
 BUILT_HERE = "wheels"
-"""Name of the directory of wheels that deploy/install.sh built on this computer, as for 64-bit
-ARM."""
+"""Directory of wheels that deploy/install.sh built here, as for 64-bit ARM."""
 PAGE_UNIT = "uavrt-page.service"
 KEYS = ".update-keys.pem"
 """File name, in a version's directory, of the public keys that come with the version."""

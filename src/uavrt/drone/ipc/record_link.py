@@ -15,8 +15,7 @@ from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 
 LINK_VARIABLE = "UAVRT_LINK_FD"
-"""Name of the environment variable that holds the file descriptor of the supervisor's
-socket."""
+"""Environment variable with the descriptor of the supervisor's socket."""
 
 
 FLUSH_BYTES = 16_384

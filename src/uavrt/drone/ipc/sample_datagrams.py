@@ -49,8 +49,7 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Largest number of clipped time spans in a datagram (16 KiB); a radio block of 87 ms has up to
-90."""
+"""Most clipped spans in a datagram (16 KiB); a radio block of 87 ms has up to 90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Most samples queued for one detector [bytes]; enough for 280 s of one channel."""
 MAX_CARRIERS = 8

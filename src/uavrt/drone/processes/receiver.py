@@ -47,8 +47,7 @@ every `RadioSettings.retry_s`, not at once."""
 
 
 CLIPPED_S = 0.1
-"""Duration of clipped samples from which clipping is reported [s]; it equals about five
-pulses."""
+"""Duration of clipped samples that is reported [s]: about five pulses."""
 
 
 class ChannelSink(Protocol):

@@ -37,8 +37,7 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` that older files lack. Their columns come last, because programs read
-columns by position."""
+"""Fields of `Pulse` that older files lack; as last columns, so the others stay."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 

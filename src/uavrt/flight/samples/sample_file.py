@@ -17,8 +17,7 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metad
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
 _LEAST_MOVE_NS = 1_000_000
-"""Smallest correction of the start time of consecutive samples that is written to the metadata
-[ns]."""
+"""Smallest correction of a start time that is written to the metadata [ns]."""
 
 
 class SampleFile:

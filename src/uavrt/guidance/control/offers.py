@@ -32,19 +32,16 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if, at the proposal, the vehicle hovered in the mode for commands without an
-    order."""
+    """True if the vehicle then hovered in the mode for commands without an order."""
     target: TargetReport | None
-    """Target reported by a hovering vehicle; a change shows that another station commands
-    it."""
+    """Target reported in the hover; a change shows another station's command."""
     place: PositionReport
     home: HomeReport
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without a remote control."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of the heading and target heading of a hovering vehicle; None if it moves or the
-    heading is unknown."""
+    """Monitors of a hovering vehicle's headings; None if moving or unknown."""
 
     def turned(self, seen: PositionReport | TargetReport) -> bool:
         """True if a report shows that another station or a pilot has turned the vehicle."""

@@ -24,8 +24,7 @@ class Remaining:
     tolerance: float
     """Remaining distance or angle at which the motion counts as complete."""
     needed: bool = True
-    """False if the step may be complete with `now` above `tolerance`; `now` then only shows
-    progress."""
+    """False if `now` above `tolerance` may also be the end, and shows only progress."""
 
 
 @dataclass(frozen=True, slots=True)

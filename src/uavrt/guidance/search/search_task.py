@@ -38,15 +38,13 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Direction of the antenna's main lobe, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses that the detector searches together; 0 to use the number set for each
-    tag."""
+    """Number of pulses that the detector searches together; 0: each tag's own."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
     """Model of the signal loss behind hills; None for level ground."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Prior for signal strength and motion of known tags, by tag id; others have the default
-    prior."""
+    """Priors for power and motion of known tags, by tag id; others have the default."""
 
 
 class SearchTask:

@@ -28,8 +28,7 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest time that bytes already queued may delay a vehicle command [s]: 1152 bytes at 57 600
-baud."""
+"""Longest delay of a vehicle command by queued bytes [s]: 1152 at 57 600 baud."""
 
 
 class _OpenLink:
@@ -109,9 +108,7 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Serve one link until cancelled, while `keep_time` runs; raises the same errors as
-        `run`.
-        """
+        """Serve one link until cancelled, beside `keep_time`; errors are those of `run`."""
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -172,9 +169,7 @@ class Connection:
 
     @property
     def clock_is_stale(self) -> bool:
-        """True while TIMESYNC answers are missing, so that the autopilot's clock is
-        extrapolated.
-        """
+        """True while the autopilot's clock is extrapolated, without TIMESYNC answers."""
         return self.component.clock_is_stale(self._clock_ns())
 
     @property

@@ -51,8 +51,7 @@ def detector_node(tag_id: int) -> str:
 
 
 Conversion = Callable[[Any, Callable[[int], str]], RosMessage]
-"""Function that makes a ROS 2 message from a record; it also gets each tag's directory in the
-flight, by tag id."""
+"""Makes a ROS 2 message from a record and the tags' directories, by tag id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +67,7 @@ class RosTopic:
     depth: int = 10
     """Number of the topic's latest messages that a late subscriber receives."""
     burst: int = 20
-    """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: the topic
-    accepts no messages."""
+    """Largest number of messages accepted at once (`inbox`); 0: none are accepted."""
     per_s: float = 2.0
     """Rate at which the topic's messages are accepted after a burst [1/s]."""
     commands: bool = True

@@ -1,6 +1,4 @@
-"""Decide on the drone which ground stations may command it; seal (authenticate) commands on the
-ground.
-"""
+"""Check which stations may command the drone; seal (authenticate) a station's commands."""
 
 import secrets
 from collections.abc import Iterable, Iterator
@@ -115,9 +113,7 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since the last valid sealed message of each station [s]; stations without one
-        are left out.
-        """
+        """Time since each station's last valid sealed message [s], if it sent any."""
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:

@@ -26,8 +26,7 @@ TOLERANCE_S: Final = 0.005
 as the next one [s]. The stamps of the thesis's channelizer are truncated to 1 ms; those of the
 newer channelizer step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
-"""Number of later frames that are stored while a missing frame may still arrive: 1.1 s of
-samples."""
+"""Number of later frames stored while one is missing: 1.1 s of samples."""
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3

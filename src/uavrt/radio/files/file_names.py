@@ -29,13 +29,11 @@ class NameFacts:
     program: str
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """Step to which the file name rounds the radio's frequency [Hz]; None if that is 1 Hz or
-    less."""
+    """Step to which the name rounds the frequency [Hz]; None if 1 Hz or less."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """True if the file name gives a local time; it is read in the time zone of this
-    computer."""
+    """True if the name gives a local time, read in this computer's time zone."""
     format_name: str | None = None
 
 

@@ -36,8 +36,7 @@ class Segment:
     """Position of the segment's first sample in the file [samples]."""
     count: int
     sample_index: int
-    """Index of the segment's first sample, counted from the start of the recording; lost
-    samples count as well."""
+    """Index of the segment's first sample in the recording; lost samples count."""
     time_ns: int
     lost_before: int = 0
 

@@ -111,8 +111,7 @@ def sigmf_global(path: Path, key: str) -> object:
 
 
 MOST_GAP_S = 30 * 86_400.0
-"""Longest accepted gap between captures of a recording [s]; a longer gap means that an index or
-a time is wrong."""
+"""Longest accepted gap between captures [s]; above it an index or time is wrong."""
 LAST_NS = 2**62
 """Latest time accepted in a recording, in 2116 [ns since 1970]."""
 

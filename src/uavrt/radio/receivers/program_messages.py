@@ -20,8 +20,7 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """The radio is missing, in use, or access to it is denied; the program's message is the
-    same for all three."""
+    """The radio is missing, in use or forbidden; the program's message is the same."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()

@@ -32,21 +32,17 @@ from uavrt.radio.receivers.radio_programs import PROGRAMS, commands_before, rece
 from uavrt.radio.sample_stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Maximum time from the start of a radio's program to its first sample [s]; it opens the radio
-and may load firmware."""
+"""Maximum time to a program's first sample [s]; it may load firmware first."""
 _STALL_S: Final = 1.0
-"""Time without samples after which the radio counts as stalled [s]; radios deliver samples
-every few milliseconds."""
+"""Time without samples after which the radio counts as stalled [s]."""
 _TERMINATE_S: Final = 2.0
-"""Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx stops within 0.1 s unless
-its USB transfers hang."""
+"""Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx needs 0.1 s."""
 _FIRST_LINES: Final = 4
 """Number of lines stored from the start of a program's error output, where the cause of a
 failure stands; a long help text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of progress lines that some radio programs print every second; lines that contain one
-of them are ignored."""
+"""Parts of the progress lines of some radio programs, which are ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
 """Pattern of a radio program's message with the number of lost samples. Programs without such a
@@ -285,8 +281,7 @@ def _run(
 
 
 _DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""Pattern of a line in librtlsdr's list of devices: `` 0: Realtek, RTL2838UHIDIR, SN:
-00000001``."""
+"""Line in librtlsdr's list of devices: `` 0: Realtek, RTL2838UHIDIR, SN: 00000001``."""
 _MOST_PLACES = 16
 
 

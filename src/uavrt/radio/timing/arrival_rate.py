@@ -17,8 +17,7 @@ _PERIODS: Final = 5
 _TOLERANCE: Final = 0.02
 """Relative error of the sample rate above which it is reported as wrong."""
 _SETTLED: Final = 0.01
-"""Relative error of the sample rate below which a rate reported as wrong counts as correct
-again."""
+"""Relative error below which a rate reported as wrong counts as correct again."""
 _CAUGHT_UP_S: Final = 0.03
 """Delay in excess of that before a pause, below which the sender has caught up [s]. It is
 smaller than the change of the delay over `_PERIODS` that is reported."""

@@ -28,8 +28,7 @@ _LONG_WRITE_S: Final = 0.040
 write the loss is placed at the end, so that the times of samples before the loss are
 correct."""
 _LEAST_S: Final = 0.001
-"""Minimum duration of the samples before a late arrival that are passed on as a separate block
-[s]."""
+"""Minimum duration before a late arrival that is passed on as its own block [s]."""
 
 log = get_logger()
 
@@ -79,8 +78,7 @@ class Placer:
         self._before = 0
         """Number of samples lost just before the samples that are held back."""
         self._cut = 0
-        """Number of held samples that arrived before a late arrival; they are passed on as a
-        separate block."""
+        """Number of held samples before a late arrival, passed on as their own block."""
         self._after_cut = 0
         self._burst: _Arrival | None = None
         self._last: tuple[int, int] | None = None

@@ -38,8 +38,7 @@ from uavrt.simulation.scene.world import World
 from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
-"""Time by which the programs start before the simulated world [s]; they need 1.5 s to be
-ready."""
+"""Time by which programs start before the world [s]; they need 1.5 s."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25

@@ -23,8 +23,7 @@ class AntennaSwitch(ScenarioRecord):
     """Antenna switch of a scenario: table ``[antenna.switch]``."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Arrangement of the antennas: a circle, a pair (left and right), or sum and difference of
-    a pair."""
+    """Antennas: a circle, a pair (left and right), or sum and difference of a pair."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
     """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4

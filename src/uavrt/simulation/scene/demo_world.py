@@ -20,8 +20,7 @@ SEARCHED_ENR_DB = 24.0
 home with the antenna pointed at the animal."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
-"""Shortest duration of a full turn [s]; the turn rate is then 46°/s on average and 57.7°/s at
-most."""
+"""Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
 CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0

@@ -17,11 +17,9 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Binary layout of a record: time [ns, UTC], latitude, longitude [°], altitude above the sea
-[m], heading [°]."""
+"""Record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m], heading [°]."""
 _AHEAD_S = 0.5
-"""Longest extrapolation of a path beyond its last record [s]; a buffer of the radio lasts 0.02
-s."""
+"""Longest extrapolation of a path [s]; a buffer of the radio lasts 0.02 s."""
 _STEP_NS = 10_000_000
 
 

@@ -20,8 +20,7 @@ from uavrt.simulation.scene.record import ScenarioRecord
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]
-"""Function that returns the height of the ground [m], in any datum, at metres north and east of
-home."""
+"""Returns the height of the ground [m] at metres north and east of home."""
 _STEP_M = 10.0
 _CLOSE_POINTS = 100
 _EARTH_M = 4.0 / 3.0 * 6_371_000.0

@@ -8,14 +8,11 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance to the target above which the drone faces the target [m]; closer to it, the heading
-does not change."""
+"""Distance above which the drone faces its target [m]; nearer, its heading stays."""
 LINE_TOLERANCE_M = 0.8
-"""Distance from the flight line that PX4 tolerates until it is `HOLD_HEADING_M` from the end
-[m]."""
+"""Distance from the line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
-"""Time after which ArduCopter sets a velocity setpoint to zero if it is not repeated [s]
-(GUID_TIMEOUT)."""
+"""Time after which ArduCopter zeroes a velocity not repeated [s] (GUID_TIMEOUT)."""
 RETURN_SPEED_M_S = 0.4
 """Speed below which the drone starts to fly back to the target after an overshoot [m/s]."""
 
@@ -29,8 +26,7 @@ class Frame:
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
     position_gain_hz: float = math.inf
-    """Ratio of the highest allowed speed to the distance from the target [1/s] (PSC_POSXY_P,
-    MPC_XY_P)."""
+    """Highest speed over distance from the target [1/s] (PSC_POSXY_P, MPC_XY_P)."""
     gust_m: float = 0.2
     """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
@@ -43,8 +39,7 @@ class Frame:
     """Power against drag at an airspeed of 10 m/s, as a fraction of the hover power; it grows
     with the cube of the airspeed."""
     return_height_m: float = 30.0
-    """Minimum height of the return flight [m]: RTL_RETURN_ALT (PX4, 60 m by default), RTL_ALT
-    (ArduPilot, 15 m)."""
+    """Minimum height of the return [m]: RTL_RETURN_ALT (PX4), RTL_ALT (ArduPilot)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +65,7 @@ class _Braking:
     early_s: float
     """Time by which braking begins earlier because the jerk is limited [s]."""
     early_while_accelerating_s: float
-    """Time by which braking begins earlier if the vehicle is still accelerating towards the
-    target [s]."""
+    """Time by which braking begins earlier while accelerating to the target [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {

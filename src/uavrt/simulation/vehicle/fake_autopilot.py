@@ -98,13 +98,11 @@ class AutopilotSettings:
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
     flies: bool = False
-    """True to hover at the start of the flight and obey commands; False to fly the scenario's
-    flight."""
+    """True to hover at first and obey commands; False to fly the scenario's flight."""
     sticks: bool = False
     """True to simulate a remote control that is switched on, with its sticks centred."""
     on_ground: bool = False
-    """True if the vehicle is at first on the ground and waits to be armed; only with
-    `flies`."""
+    """True to begin on the ground and wait for arming; only with `flies`."""
     path: Path | None = None
     """File to which a commanded vehicle writes its path, for the simulated radio."""
 

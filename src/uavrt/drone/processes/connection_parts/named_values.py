@@ -13,13 +13,11 @@ from uavrt.link.mavlink.dialect import NamedValueFloat
 from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two NAMED_VALUE_FLOAT messages [ns]; at this rate they take a tenth of the
-slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age from which an unsent SNR and pulse count is dropped [ns]; the next pulse brings newer
-ones."""
+"""Age at which an unsent SNR and count is dropped [ns]; newer ones follow."""
 NS_PER_MS = 1_000_000
 
 

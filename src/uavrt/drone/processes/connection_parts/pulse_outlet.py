@@ -28,8 +28,7 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose undelivered pulses are still sent; the recorder has the same
-limit."""
+"""Number of flights whose undelivered pulses are sent; as for the recorder."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
 """Time for which the last `RECENT` delivered pulses are remembered [ns]. The recorder commits

@@ -29,8 +29,7 @@ log = get_logger()
 
 PENDING = 16
 SUPERVISOR_TIMEOUT_S = 2.0
-"""Longest time in which the supervisor must permit a confirmation [s]; stations do not wait
-longer."""
+"""Longest wait for the supervisor's consent [s]; stations wait no longer."""
 SENDER_S = 10.0
 """Silence after which a ground station no longer counts as the one that reports other drones
 [s]. Two such stations at once could assign the same path twice."""

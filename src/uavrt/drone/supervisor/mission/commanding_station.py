@@ -13,8 +13,7 @@ from uavrt.core.commands import COMMANDS, PermittedSender
 from uavrt.core.messages import Command
 
 SILENCE_S = 60.0
-"""Silence of the station in command after which another station may take over [s]; a restart
-takes less."""
+"""Silence of the commanding station that permits another [s]; longer than a restart."""
 OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 

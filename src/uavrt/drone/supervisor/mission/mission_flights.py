@@ -33,11 +33,9 @@ a brown-out in the air takes less; last week's flight is older."""
 _MOST_PAIRS_LISTED = 3
 """Most pairs of similar codes named to the operator at a flight's start; the page shows all."""
 _USABLE_HALF_BAND = 0.4
-"""Largest usable distance from the radio's centre frequency, as a fraction of the sample
-rate."""
+"""Largest usable distance from the radio's centre, as a share of the rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Largest search range on either side of a tag's frequency that always fits into one channel
-[Hz]."""
+"""Largest half-width of a tag's search that always fits into a channel [Hz]."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningRequest], Tuning]

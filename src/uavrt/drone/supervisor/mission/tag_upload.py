@@ -14,8 +14,7 @@ from uavrt.flight.kept_file import KeptFile
 log = get_logger()
 
 LAST_TAGS_NAME = "last_tags.json"
-"""Name of the file with the last complete list of tags; parameter `DET_RUN` starts with this
-list."""
+"""File with the last complete tag list, with which `DET_RUN` starts."""
 _MOST_TAGS = 1000
 """Largest number of tags in a list unless `detection.maximum_tags` is set."""
 

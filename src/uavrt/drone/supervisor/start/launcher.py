@@ -28,14 +28,11 @@ PING_S = 2.0
 SILENCE_S = 3.0
 """Silence after which the fork server is killed [s]; it is checked every `PING_S`."""
 IMPORT_S = 20.0
-"""Longest silence of the fork server while it imports modules [s]; imports take 0.6 s of CPU
-time."""
+"""Longest silence of the importing fork server [s]; imports take 0.6 s of CPU."""
 FIRST_WAIT_S = 10.0
-"""Longest time that the first processes wait for the fork server's imports [s]; then they start
-without it."""
+"""Longest wait for the fork server's imports [s]; then processes start without it."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment variables that limit BLAS to one thread, because more would compete for few
-cores."""
+"""Environment that limits BLAS to one thread; more would compete for few cores."""
 
 
 class Launcher:

@@ -28,16 +28,14 @@ from dataclasses import dataclass
 from typing import Any
 
 NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
-"""Name of the environment variable that holds the file descriptor of the fork server's
-socket."""
+"""Environment variable with the descriptor of the fork server's socket."""
 MODULES = (
     "uavrt.drone.processes.receiver",
     "uavrt.drone.processes.detector",
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules that the fork server imports before its first fork: processes that every drone
-runs."""
+"""Modules imported before the first fork: processes that every drone runs."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
@@ -53,8 +51,7 @@ class ForkedProcess:
     request: dict[str, Any]
     """Request of `Launcher`: module, name, arguments, environment, parent, descriptors."""
     fds: list[int]
-    """Received file descriptors: one for each requested number, then one to confirm the
-    fork."""
+    """Received descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
     """Process id of the intermediate process between the fork server and this one."""
 

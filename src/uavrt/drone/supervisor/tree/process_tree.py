@@ -30,8 +30,7 @@ log = get_logger()
 LineHandler = Callable[[Instance, bytes], None]
 
 SILENCE_REPORT_S = 4.0
-"""Silence of a process that is reported to the operator [s], if its limit for a kill is
-longer."""
+"""Silence reported to the operator [s], if the limit for a kill is longer."""
 
 
 class ProcessTree:

@@ -10,8 +10,7 @@ from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.message import Message
 
 STRONGEST_M_S = 60.0
-"""Strongest plausible wind [m/s]; a drone cannot fly in stronger wind, so such reports are
-ignored."""
+"""Strongest plausible wind [m/s]; no drone flies in more, so it is ignored."""
 
 
 def wind_of(message: Message) -> tuple[float, float] | None:

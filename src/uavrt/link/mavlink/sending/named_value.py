@@ -1,6 +1,4 @@
-"""Choose names for the NAMED_VALUE_FLOAT (251) messages of a tag, which QGroundControl and
-other stations show and plot.
-"""
+"""Name a tag's NAMED_VALUE_FLOAT (251) messages, which QGroundControl plots."""
 
 import string
 

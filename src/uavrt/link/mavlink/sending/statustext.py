@@ -1,6 +1,4 @@
-"""Split operator texts into STATUSTEXT pieces of 50 bytes, join received pieces, and limit the
-rate of texts; no I/O.
-"""
+"""Split texts into STATUSTEXT pieces of 50 bytes, join pieces, limit rates; no I/O."""
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s

@@ -33,8 +33,7 @@ COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
 `uavrt.link.tunnel.own_messages.neighbour_messages`."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Largest number of pulse hashes in a sealed receipt, limited by the 108 bytes of a sealed
-message."""
+"""Largest number of pulse hashes in a sealed receipt of 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",

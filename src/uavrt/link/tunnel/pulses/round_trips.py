@@ -1,6 +1,4 @@
-"""Measure how long acknowledgements take, and set the retransmission time-out (RFC 6298); no
-I/O.
-"""
+"""Measure round trips, and set the retransmission time-out (RFC 6298); no I/O."""
 
 FIRST_RTO_S = 1.0
 MIN_RTO_S = 0.4

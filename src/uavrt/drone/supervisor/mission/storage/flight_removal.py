@@ -13,8 +13,7 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import with_copies
 
 RETRY_WITHIN_S = 10.0
-"""Time within which a repeated removal request counts as a retry [s]; stations retry for 8
-s."""
+"""Time in which a repeated removal counts as a retry [s]; stations retry for 8 s."""
 CONFIRM_WITHIN_S = 120.0
 """Time within which a second removal request confirms the first [s]."""
 
