@@ -115,10 +115,7 @@ def settings_schema() -> dict[str, Any]:
 
 @cache
 def _settings_adapter() -> "TypeAdapter[Settings]":
-    """Return pydantic's reader for all settings.
-
-    It is cached, because it reads docstrings from source.
-    """
+    """Return pydantic's reader of settings, cached because it reads docstrings from source."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Settings)

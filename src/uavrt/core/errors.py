@@ -181,10 +181,7 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that converts `OSError` to an error of type `kind`.
-
-    The message consists of `failed` and the system's reason.
-    """
+    """Context that converts `OSError` to a `kind` with `failed` and the system's reason."""
     try:
         yield
     except OSError as error:

@@ -117,10 +117,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Raise `FormatError` for a socket, device or pipe, unless it is a pipe from a shell.
-
-    `mode`: file mode from `os.stat` (st_mode).
-    """
+    """Raise `FormatError` for what is no file, except pipes from a shell (`mode`: st_mode)."""
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)

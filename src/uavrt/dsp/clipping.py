@@ -50,10 +50,7 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the limits of the radio's converter.
-
-    At high sample rates it examines 64 samples in each half millisecond.
-    """
+    """Finds samples at the converter's limits, in up to 64 of each half millisecond."""
 
     def __init__(self) -> None:
         self.examined_s = 0.0

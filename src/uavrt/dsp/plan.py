@@ -45,10 +45,7 @@ class BandPlan:
     usable_half_span_hz: float
 
     def offset_hz(self, from_center_hz: float) -> float:
-        """Distance of a frequency from its channel's centre [Hz].
-
-        `from_center_hz`: frequency from the radio's centre.
-        """
+        """Distance from the channel's centre [Hz], of `from_center_hz` from the radio's."""
         half, spacing = self.channel_count // 2, self.channel_spacing_hz
         highest = half - 1 if self.channel_count > 1 else 0
         return from_center_hz - spacing * min(

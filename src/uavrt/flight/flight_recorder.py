@@ -99,10 +99,7 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue a flight after a kill or a power cut, without lost or duplicate records.
-
-        With `durable`, each commit waits for the disk.
-        """
+        """Continue a flight after a kill or power cut; `durable`: commits wait for the disk."""
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(

@@ -181,10 +181,7 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read the results of ``uavrt integrate``; raises `FormatError` if they are damaged.
-
-    The result is empty if the flight was not analysed.
-    """
+    """Read the results of ``uavrt integrate``, if any; `FormatError` for damaged ones."""
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
     if not tags.is_file():

@@ -100,10 +100,7 @@ class OrderExecution:
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps.
-
-        The drone stops first if its turn could look like a takeover.
-        """
+        """Replace the remaining steps, after a stop if the turn could look like a takeover."""
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):

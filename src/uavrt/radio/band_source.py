@@ -66,10 +66,7 @@ class BandDatagramSource(DatagramSource):
                 log.debug("the system does not count dropped datagrams")
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block of samples; None if none arrive within `timeout_s`.
-
-        The block is shorter than usual if the sender pauses.
-        """
+        """Get the next block, shorter if the sender pauses; None after `timeout_s`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             before = self._joiner.filled

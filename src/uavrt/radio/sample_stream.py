@@ -81,10 +81,7 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; None if it is not complete within `timeout_s`.
-
-        A block ends early before samples that may have been lost.
-        """
+        """Get the next block, shorter before a possible loss; None after `timeout_s`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._compact()
         if not self._waiting_since_ns:

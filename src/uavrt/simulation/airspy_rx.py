@@ -298,10 +298,7 @@ def _print(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the simulated radio program; return its exit code.
-
-    The exit code is 0 after SIGTERM, SIGINT or the samples of ``-n``, otherwise 1.
-    """
+    """Run the simulated radio; exit code 0 after SIGTERM, SIGINT or ``-n``, else 1."""
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

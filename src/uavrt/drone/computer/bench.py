@@ -130,10 +130,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Return the result of every check before a first flight.
-
-    An item without data counts as a fault.
-    """
+    """Result of every check before a first flight; no data is a fault."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),

@@ -150,10 +150,7 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """Return the drone's command key for a laptop that will command it.
-
-        Allowed only while the set-up is unfinished.
-        """
+        """The command key for a laptop, only while the set-up is unfinished."""
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:

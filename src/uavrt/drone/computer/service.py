@@ -235,10 +235,7 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write the unit and the udev rule; start the service if `root` is ``/``.
-
-    Returns a list of what was done.
-    """
+    """Write unit and udev rule, start the service if `root` is ``/``; list what was done."""
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -258,10 +255,7 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Stop and remove the service but keep the flights; return a list of what was done.
-
-    Raises `UsageError` if that is impossible.
-    """
+    """Remove the service, not the flights; list what was done, or raise `UsageError`."""
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:

@@ -66,10 +66,7 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Decode a record of 96 bytes; raises `FormatError` for any other size.
-
-        Numbers may be infinite.
-        """
+        """Decode 96 bytes, numbers may be infinite; `FormatError` for any other size."""
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record must have {RECORD.size} bytes, but this one has "

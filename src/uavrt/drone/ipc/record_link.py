@@ -62,10 +62,7 @@ class RecordSocket:
         return self._sock.fileno()
 
     def put(self, topic: str, record: object) -> None:
-        """Queue a record; a later `send`, `flush` or `receive` writes it.
-
-        Raises `SupervisorGone` if a full queue cannot be written.
-        """
+        """Queue a record to be written later; `SupervisorGone` if a full queue cannot be."""
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
             self.flush()

@@ -110,10 +110,7 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Queue a datagram with the collected blocks.
-
-        Above `BACKLOG_BYTES`, drop the oldest datagrams.
-        """
+        """Queue the collected blocks; above `BACKLOG_BYTES`, drop the oldest datagrams."""
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))

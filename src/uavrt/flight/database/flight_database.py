@@ -151,10 +151,7 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Checkpoint the write-ahead log if it is due; False on failure.
-
-        `first` is called before the checkpoint.
-        """
+        """Call `first`, then checkpoint the log, if it is due; False on failure."""
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:

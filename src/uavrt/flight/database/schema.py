@@ -199,10 +199,7 @@ def pose_row(pose: Pose | None) -> Row:
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Create a pose from a row; None if all values are NULL.
-
-    Raises `ValueError` for invalid values.
-    """
+    """Create a pose from a row; None if all are NULL, `ValueError` for invalid values."""
     return None if row[0] is None else POSES.record(row)
 
 

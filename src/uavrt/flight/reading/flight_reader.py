@@ -60,10 +60,7 @@ class Flight:
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, complete or in progress; health records are left out.
-
-    Raises `FormatError` if the flight cannot be read.
-    """
+    """Read a flight, even in progress, without health records; may raise `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

@@ -93,10 +93,7 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Remove and return the proposed order.
-
-        Raises `CommandRefused` if another order, or too late a confirmation, is given.
-        """
+        """Remove and return the proposed order; `CommandRefused` for another, or too late."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)

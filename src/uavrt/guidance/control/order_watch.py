@@ -183,10 +183,7 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """Return what is overdue: a report, the guide, the reaction to a command, or progress.
-
-        None if nothing is.
-        """
+        """What is overdue: report, guide, reaction to a command, progress; None if nothing."""
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide process is silent"
         lost = vehicle.lost(now_s)

@@ -53,10 +53,7 @@ class MissionItem:
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Return an item at a position. `first` is its parameter 1.
-
-        A waypoint leaves the heading to the autopilot.
-        """
+        """Item at a position; `first` is parameter 1. The heading is left to the autopilot."""
         return cls(
             command=command,
             frame=frame,

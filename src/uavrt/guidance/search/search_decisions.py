@@ -78,10 +78,7 @@ class SearchDecisions:
     def decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
     ) -> Decision:
-        """Return the next action.
-
-        It is a hover if the path would meet an excluded area or another drone.
-        """
+        """Next action, a hover if its path would meet an excluded area or another drone."""
         task, search = self._task, self._search
         drones = None
         if others:

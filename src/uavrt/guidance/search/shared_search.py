@@ -148,10 +148,7 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """Return the requested decision, and whether its path is assigned.
-
-        None while there is no answer.
-        """
+        """The requested decision and whether its path is assigned; None before an answer."""
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None

@@ -127,10 +127,7 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send a command to the autopilot at once or not at all.
-
-        A late command could override a pilot who has taken over in the meantime.
-        """
+        """Send a command at once or never, as a late one could override a pilot."""
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:

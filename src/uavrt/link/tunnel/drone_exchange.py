@@ -75,10 +75,7 @@ class _PendingCommand:
 
 
 class Operations:
-    """Reports the progress of operations to the ground stations that started them.
-
-    `version`: protocol version that the drone sends.
-    """
+    """Reports operations to the stations that started them; `version`: of the protocol."""
 
     def __init__(self, version: int) -> None:
         self._version = version

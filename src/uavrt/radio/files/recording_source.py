@@ -140,10 +140,7 @@ class RecordingSource:
         return self._layout.segments
 
     def skip_to(self, place: int) -> None:
-        """Continue reading at a sample; `place`: its position in the file, counted from 0.
-
-        Samples that the recording lost are not counted in `place`.
-        """
+        """Continue reading at a sample; `place` counts the samples in the file from 0."""
         held = [one for one in self._layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
@@ -161,10 +158,7 @@ class RecordingSource:
 
     @property
     def origin(self) -> str:
-        """Text that says where rate, frequency and start time come from.
-
-        Values that the user gave are left out; the text is empty if the user gave all three.
-        """
+        """Text on the sources of rate, frequency and start time that the user did not give."""
         layout = self._layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),

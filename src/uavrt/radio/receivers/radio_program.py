@@ -241,11 +241,7 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of stderr for error texts.
-
-        The first lines and lines that show a cause stay stored; of the other lines, the newest
-        stay.
-        """
+        """Store a line of stderr: the first lines and causes stay, of others the newest."""
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 

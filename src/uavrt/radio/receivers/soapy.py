@@ -37,10 +37,7 @@ log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Reads samples through a SoapySDR driver.
-
-    The setting `serial` is a serial number or a device string such as ``driver=lime``.
-    """
+    """Reads samples by SoapySDR; `serial`: a number or a device string (``driver=lime``)."""
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 
@@ -80,10 +77,7 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Configure the radio and check the values in effect.
-
-        Drivers may select the nearest supported value in place of the requested one.
-        """
+        """Configure the radio and check the values in effect, which may be the nearest ones."""
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self._rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:

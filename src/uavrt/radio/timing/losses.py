@@ -156,10 +156,7 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the smallest delays; return its slope [s/s] and the relative scatter.
-
-        A delay that later arrivals make up for is a stall and is ignored.
-        """
+        """Fit slope [s/s] and relative scatter of the smallest delays, without stalls."""
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
@@ -366,10 +363,7 @@ class LossFinder:
         return self._loss(best)
 
     def _has_settled(self, count: int) -> bool:
-        """True if the lateness has been constant for long enough after its rise.
-
-        A stall makes the lateness rise only briefly.
-        """
+        """True if the lateness is constant since its rise, unlike that of a stall."""
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count

@@ -157,10 +157,7 @@ class Placer:
         return self._cut
 
     def add_lost(self, samples: int, held: int = 0) -> None:
-        """Add a number of lost samples that the radio reports.
-
-        `held`: number of waiting samples that arrived before the loss.
-        """
+        """Add a loss that the radio reports; `held` waiting samples arrived before it."""
         left = self._keeper.skip(samples)
         if left <= 0:
             return

@@ -237,10 +237,7 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Number of lost samples found from arrival times since the last call.
-
-        The caller must add this number to its sample index.
-        """
+        """Samples found lost since the last call, which the caller adds to its index."""
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
             self._given_s += lost / self._nominal_hz
@@ -265,10 +262,7 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC]; `index` must not decrease from call to call.
-
-        Raises `ValueError` before the first arrival.
-        """
+        """Time of a sample [ns, UTC], index not decreasing; `ValueError` before any arrival."""
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True

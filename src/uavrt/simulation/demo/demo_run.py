@@ -283,10 +283,7 @@ class Demo:
 
 
 def not_started(ground: Program, where: str = "") -> UavrtError:
-    """Create the error for a ground station that failed to start detection.
-
-    Its last output is part of the error.
-    """
+    """Error with the last output of a ground station that did not start detection."""
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),

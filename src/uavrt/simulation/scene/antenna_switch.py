@@ -65,10 +65,7 @@ class AntennaSwitch(ScenarioRecord):
 def position_weights(
     switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
 ) -> NDArray[np.complex128]:
-    """Complex amplitude of a plane wave at each switch position.
-
-    `direction_body`: unit vector in the drone's frame (FRD) towards the source.
-    """
+    """Amplitudes of a plane wave at the switch positions; direction to its source (FRD)."""
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
         weights = []

@@ -82,10 +82,7 @@ class Link:
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel reflection coefficient of the ground, for horizontal or vertical polarization.
-
-    The permittivity is ε - j·18·10⁹·σ/f.
-    """
+    """Fresnel reflection by polarization; the permittivity is ε - j·18·10⁹·σ/f."""
     permittivity = complex(
         propagation.ground_permittivity,
         -18e9 * propagation.ground_conductivity_s_m / frequency_hz,

@@ -46,10 +46,7 @@ class Relief:
 
     @classmethod
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
-        """Open elevation files; None if no files are given.
-
-        Raises `FormatError` if a file cannot be read.
-        """
+        """Open elevation files, None without any; `FormatError` if one is unreadable."""
         if terrain.dem is None:
             return None
         elevation = open_elevation(Path(terrain.dem), sea=terrain.sea)

@@ -155,10 +155,7 @@ class Airframe:
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move the vehicle for `step_s`, to its target or with its velocity setpoint.
-
-        Without a target and a setpoint the vehicle stops.
-        """
+        """Move for `step_s` to target or by velocity setpoint; without both, stop."""
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint

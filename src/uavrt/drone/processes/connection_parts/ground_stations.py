@@ -33,10 +33,7 @@ class GroundStations:
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Set the station in command from a command's source, ``mavlink SYSTEM/COMPONENT``.
-
-        Other sources are ignored.
-        """
+        """Set the station in command from a source ``mavlink SYSTEM/COMPONENT``, no other."""
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")

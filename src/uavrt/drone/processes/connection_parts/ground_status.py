@@ -145,10 +145,7 @@ class GroundStatus:
         *,
         new_station: bool,
     ) -> None:
-        """Repeat the texts of lasting faults, for stations that did not receive them.
-
-        With `new_station`, send all of them at once.
-        """
+        """Repeat the texts of lasting faults; with `new_station`, send all at once."""
         if not new_station and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):

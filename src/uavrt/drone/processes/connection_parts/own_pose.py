@@ -38,10 +38,7 @@ WAIT_S = 1.5
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """Return the GPS receiver's address, or None for a fixed station.
-
-    Raises `ConfigError` if the settings lack or contradict it.
-    """
+    """The GPS receiver's address, None for a fixed station; `ConfigError` for bad settings."""
     if settings.source == "fixed":
         missing = [
             name

@@ -126,10 +126,7 @@ class PoseCollector:
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Add a position, whose time is in the clock of this process.
-
-        Record the poses that can now be interpolated.
-        """
+        """Add a position, by this process's clock; record the poses now interpolable."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -178,10 +175,7 @@ class PoseCollector:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Return a text on what the station's own pose lacks, or None.
-
-        Report a changed text to the operator.
-        """
+        """What the own pose lacks, or None; a change is reported to the operator."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

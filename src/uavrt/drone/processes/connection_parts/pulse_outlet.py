@@ -84,10 +84,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a station's receipt; return (valid, round trip).
-
-        The first is True for a confirmed station, the second is a time [s] or None.
-        """
+        """Handle a receipt; return (station is confirmed, round trip [s] or None)."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:

@@ -19,10 +19,7 @@ OWN_SOURCES = ("capture", "command line")
 
 
 class CommandingStation:
-    """Decides who may command and remembers the station in command.
-
-    Unless `pinned`, every station may command.
-    """
+    """Decides who may command: the first station if `pinned`, else all."""
 
     def __init__(
         self,

@@ -20,10 +20,7 @@ _MOST_TAGS = 1000
 
 
 class TagUpload:
-    """Receives the list of tags for the next flight.
-
-    Methods raise `UavrtError` to refuse a command.
-    """
+    """Receives the next flight's tags; methods raise `UavrtError` to refuse."""
 
     def __init__(self, directory: Path) -> None:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
@@ -37,18 +34,12 @@ class TagUpload:
         return self._tags
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
-        """Begin a new list.
-
-        To resume an interrupted upload, pass its `tags` and the number `sent`.
-        """
+        """Begin a list, or resume an upload with its `tags` and the number `sent`."""
         self._tags = {tag.tag_id: tag for tag in tags}
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag; adding an equal tag again has no effect.
-
-        At most `maximum_tags` tags are allowed (None: 1000).
-        """
+        """Add a tag, once if equal, up to `maximum_tags` (None: 1000)."""
         if tag is None:
             raise UavrtError("the tag is missing")
         if self._tags.get(tag.tag_id, tag) != tag:

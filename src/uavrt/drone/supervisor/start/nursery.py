@@ -57,11 +57,7 @@ class ForkedProcess:
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork a process for each request.
-
-    Returns its data in the new process, and None in the fork server when the supervisor has
-    ended.
-    """
+    """Fork on each request; return its data in the new process, None at the end."""
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
@@ -84,10 +80,7 @@ def serve(sock: socket.socket) -> ForkedProcess | None:
 
 
 def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
-    """Fork a process that becomes a child of the supervisor.
-
-    Returns its process id here, and its data in the new process.
-    """
+    """Fork a child of the supervisor; return its id here, its data there."""
     reader, writer = os.pipe()
     try:
         parent_id = os.fork()
@@ -141,10 +134,7 @@ def set_up(process: ForkedProcess) -> None:
 
 
 def place_descriptors(fds: list[int], places: list[int]) -> None:
-    """Move file descriptors to the requested numbers.
-
-    Standard error becomes a copy of standard output.
-    """
+    """Move descriptors to the requested numbers; stderr becomes a copy of stdout."""
     raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FIRST_FREE_FD) for fd in fds]
     for fd in fds:
         os.close(fd)

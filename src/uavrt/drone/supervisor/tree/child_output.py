@@ -34,10 +34,7 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Writes the lines that processes print to files.
-
-    Lines that do not fit on the disk are dropped and counted.
-    """
+    """Writes printed lines to files; those that do not fit on the disk are counted."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

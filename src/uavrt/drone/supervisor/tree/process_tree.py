@@ -255,10 +255,7 @@ class ProcessTree:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors.
-
-        Returns the flight with its tags; None if it has ended.
-        """
+        """Restart receiver and detectors; return the flight, None if it has ended."""
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:

@@ -95,10 +95,7 @@ class LinkRate:
         self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
-        """Adapt the send rate to an acknowledgement.
-
-        `trip_s`: round trip time of a message that was sent once; None if it was repeated.
-        """
+        """Adapt the rate to an acknowledgement; `trip_s`: None for a repeated message."""
         self._acks_ns = now_ns
         if trip_s is None:
             return

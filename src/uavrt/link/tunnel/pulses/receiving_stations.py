@@ -149,10 +149,7 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Number of a ground station that may lack pulses on disk; None without any.
-
-        With `unconfirmed`, also a station that has never acknowledged a pulse.
-        """
+        """A station that may lack pulses on disk, or None; `unconfirmed`: even if unproven."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number

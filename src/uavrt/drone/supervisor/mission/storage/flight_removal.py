@@ -19,10 +19,7 @@ CONFIRM_WITHIN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Return the removable flights, oldest first.
-
-    The newest flight, its copies and starred flights stay.
-    """
+    """Removable flights, oldest first: not the newest, its copies, or starred ones."""
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
