@@ -74,7 +74,8 @@ class OrderExecution:
         self._sent_for_step = 0
         self._holding: Go | None = None
         self._holding_s = 0.0
-        self._returning = self._flies_home = False
+        self.returning = self._flies_home = False
+        """`returning`: True if a return was decided here, such as for a low battery."""
         self.shared = False
         """True if other drones search too. The drone then flies home at its own height, because
         the autopilot's return may climb into another drone's height."""
@@ -141,7 +142,7 @@ class OrderExecution:
             self._sent, self._refused_before = now.requests_sent, now.requests_refused
         if now.requests_refused - self._refused_before > SAFETY.refusals:
             self._refused_before = now.requests_refused
-            if self._returning:
+            if self.returning:
                 self.ended = "the commands are refused"
                 return None
             self.give_up("the commands are refused")
@@ -167,8 +168,8 @@ class OrderExecution:
             return urgent
         if self._flies_home and not isinstance(self._requested_step, Home):
             return self._next_step(now)
-        if self._returning or self._holding is not None:
-            waiting = Home() if self._holding is None or self._returning else self._holding
+        if self.returning or self._holding is not None:
+            waiting = Home() if self._holding is None or self.returning else self._holding
             return None if self._requested_step in (waiting, Home()) else waiting
         return self._next_step(now)
 
@@ -205,7 +206,7 @@ class OrderExecution:
             case Turn():
                 return TurnInPlace(turn_deg=step.turn_deg, rate_deg_s=step.rate_deg_s)
             case Home():
-                self._returning = True  # the vehicle's mode will end the order
+                self.returning = True  # the vehicle's mode will end the order
                 return GoHome()
             case SetTakeoffMode():
                 return TakeMode()
@@ -245,7 +246,7 @@ class OrderExecution:
     def _urgent(self, now: VehicleNow) -> Step | None:
         """Return the step that a low battery or lost link requires; None if neither."""
         limits = self._limits
-        if not now.began or self._returning or self.order.action == "takeoff":
+        if not now.began or self.returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
@@ -290,13 +291,8 @@ class OrderExecution:
         height = max(height, self._limits.lowest_m)
         return Go(place=now.home, height_m=min(height, self._limits.highest_m))
 
-    @property
-    def returning(self) -> bool:
-        """True if a return was decided here, such as for a low battery."""
-        return self._returning
-
     def _home(self, reason: str) -> Step:
-        self.status_text, self._returning = f"returning: {reason}", True
+        self.status_text, self.returning = f"returning: {reason}", True
         return Home()
 
 

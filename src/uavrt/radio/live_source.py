@@ -58,8 +58,12 @@ class LiveSource:
         start_moves: bool = True,
     ) -> None:
         check_rates(sample_rate_hz, center_frequency_hz)
-        self._rate_hz = sample_rate_hz
-        self._center_hz = center_frequency_hz
+        self.sample_rate_hz = sample_rate_hz
+        """Nominal sample rate [Hz]."""
+        self.center_frequency_hz = center_frequency_hz
+        """Radio frequency at the middle of the received band [Hz]."""
+        self.total_samples: int | None = None
+        """Always None, because the length of a live stream is unknown."""
         self._placer = Placer(
             sample_rate_hz,
             start_time_ns=start_time_ns,
@@ -83,11 +87,6 @@ class LiveSource:
         return self._placer.withdrawn
 
     @property
-    def samples_unsure(self) -> int:
-        """Number of samples counted as lost that may be due to a wrong clock rate instead."""
-        return self._placer.unsure
-
-    @property
     def unseen_losses(self) -> str | None:
         """Reason why arrival times cannot be used to find losses; None if they can."""
         return self._placer.unseen
@@ -96,21 +95,6 @@ class LiveSource:
     def rate_fault(self) -> str | None:
         """Text with the measured sample rate and a remedy; None if the rate is correct."""
         return self._placer.rate_fault
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the received band [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """Always None, because the length of a live stream is unknown."""
-        return None
 
 
 class DatagramSource(LiveSource):

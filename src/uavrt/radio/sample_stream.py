@@ -87,7 +87,7 @@ class StreamSource(LiveSource):
         if not self._waiting_since_ns:
             self._waiting_since_ns = self._clock.now_ns()
             self._placer.begin(self._waiting_since_ns)
-        while not self._ended and not self._placer.samples_before_cut and self._wants_more():
+        while not self._ended and not self._placer.cut and self._wants_more():
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
             if left_s is not None and left_s < 0.0:
                 return None
@@ -120,12 +120,13 @@ class StreamSource(LiveSource):
         """True if the block is not full, or if samples may be lost and this is not decided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
-        if self._placer.settle() or self._placer.samples_before_cut:
+        if self._placer.settle() or self._placer.cut:
             return False
         if len(self._bytes) == self._wanted:
             held = self._raw[: self._filled].copy()
             self._make_room(
-                self._wanted // self._format.bytes_per_sample + round(HOLD_S * self._rate_hz)
+                self._wanted // self._format.bytes_per_sample
+                + round(HOLD_S * self.sample_rate_hz)
             )
             self._raw[: self._filled] = held
         return self._filled < len(self._bytes)
@@ -178,7 +179,7 @@ class StreamSource(LiveSource):
     def _block(self) -> IQBlock:
         size = self._format.bytes_per_sample
         count = self._filled // size
-        first = self._placer.samples_before_cut
+        first = self._placer.cut
         if 0 < first < count:
             count = first
         samples = self._samples[:count]

@@ -112,7 +112,7 @@ class ChannelDatagramSource(DatagramSource):
             samples=samples,
             sample_index=placer.index,
             time_ns=time_ns,
-            sample_rate_hz=self._rate_hz,
+            sample_rate_hz=self.sample_rate_hz,
             lost_before=lost,
         )
         placer.index += len(samples)

@@ -65,16 +65,11 @@ class NominalTimes:
 
     def __init__(self, start_time_ns: int, sample_rate_hz: float) -> None:
         self._start_ns = start_time_ns
-        self._rate_hz = sample_rate_hz
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
+        self.sample_rate_hz = sample_rate_hz
 
     def time_ns(self, index: int) -> int:
         """Time of a sample [ns, UTC]; exact for any index (integer arithmetic)."""
-        return self._start_ns + _duration_ns(index, self._rate_hz)
+        return self._start_ns + _duration_ns(index, self.sample_rate_hz)
 
 
 class TimeKeeper:
