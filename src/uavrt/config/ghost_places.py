@@ -17,13 +17,11 @@ HIGHEST = 9
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Smallest distance between a signal and a spurious signal that it causes [Hz]; anything nearer
-counts as spectral leakage."""
+"""Smallest distance of a ghost from its signal [Hz]; anything nearer is spectral leakage."""
 _USUAL_HZ = 500.0
 """Largest assumed error of a tag's labelled frequency [Hz]."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Multiples of a signal's offset from the centre frequency at which it causes spurious signals,
-lowest first; -1 is the mirror image."""
+"""Multiples of a signal's offset from the centre that have ghosts; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),

@@ -19,8 +19,7 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Number of decimal digits to which parameters are rounded, because MAVLink sends them as
-float32; 0.005 is then shown as 0.005."""
+"""Decimal digits to which parameters are rounded, as MAVLink sends them as float32."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

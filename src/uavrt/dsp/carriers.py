@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Intervals between searches for carriers, used in turn [ns]. They differ so that no pulse
-train coincides with all searches."""
+"""Intervals between searches, in turn [ns]; no pulse train coincides with all."""
 _LENGTH_S = 0.011
 """Maximum length of samples searched for carriers [s]; their number is a power of two."""
 _LEAST_SAMPLES = 256

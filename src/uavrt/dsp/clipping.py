@@ -12,15 +12,13 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 CLIPPED_AMPLITUDE = 0.99
 """Amplitude of a clipped sample [full scales]; the largest 8-bit value is 0.992."""
 COMPUTED_AMPLITUDE = 2.0
-"""Amplitude above which samples must be computed and not received [full scales]; a radio's
-filters do not reach it."""
+"""Amplitude above which samples must be computed, not received [full scales]."""
 _STRETCH_S = 0.5e-3
 """Length of the pieces searched for clipping [s]; a 15 ms pulse has thirty."""
 _MOST_SAMPLES = 64
 """Number of samples examined in a piece; a clipping tone clips a quarter of them."""
 _PULSE_SHARE = 0.2
-"""Share of a pulse's pieces that must contain clipped samples for the pulse to count as
-clipped; an impulse clips only one piece."""
+"""Share of a clipped pulse's pieces that are clipped; an impulse clips only one."""
 MOST_UNREAD = 1000
 """Maximum number of clipped pieces kept until read, enough for half a second."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND

@@ -9,16 +9,14 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Channel spacing of the original system [Hz]. The spacing used is the nearest that gives a
-channel count with small prime factors."""
+"""Original channel spacing [Hz]; the nearest with small prime factors is used."""
 
 NARROWEST_BAND_HZ = 375_000.0
 """Minimum sample rate of the band after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Maximum sample rate of a recording that is treated as a single channel [Hz]; the filter bank
-needs at least four channels."""
+"""Maximum rate of a single-channel recording [Hz]; the bank needs four channels."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45

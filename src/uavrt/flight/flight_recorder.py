@@ -57,8 +57,7 @@ MAX_WAITING_PULSES = 100_000
 """Maximum number of pulses in memory while the disk fails: 84 MB, 3.5 h at 8/s."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Maximum number of other records that wait in memory while the disk fails: half an hour of
-poses and health records."""
+"""Maximum number of other records in memory while the disk fails: half an hour."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 

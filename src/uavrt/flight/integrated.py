@@ -108,13 +108,11 @@ class IntegratedVerdict:
     remarks: str = ""
     """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another pulse train on this frequency could be the tag, because the ratio of the
-    two intervals is simple, such as 3/2."""
+    """True if another train, with a simple ratio of intervals (3/2), could be the tag."""
     listened: str = ""
     """Times with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible positions of the tag, the most likely first; `latitude_deg` and `longitude_deg`
-    give their middle."""
+    """Possible positions, the most likely first; latitude and longitude give their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
@@ -133,11 +131,9 @@ class FlightFold:
     length_s: float
     """Duration of the flight [s]; the rows of `raster` divide it into equal parts."""
     profile: tuple[float, ...]
-    """(columns,) energies summed over the flight, by time within the pulse interval; the
-    detected pulse train is in the middle."""
+    """(columns,) energies of the flight by time within the interval; the train is central."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns) energies; each row is a part of the flight, in order, and each column a
-    time within the pulse interval."""
+    """(rows, columns) energies, by part of the flight and time within the interval."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000

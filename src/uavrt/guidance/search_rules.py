@@ -25,8 +25,7 @@ class SearchRules:
     kept_away: float = 0.99
     """Required probability, for each tag, that a path keeps the protected distance."""
     away_margin: float = 1.4
-    """Factor by which planned distances exceed the protected distance, because animals move and
-    estimates are sometimes wrong."""
+    """Planned over protected distance, as animals move and estimates are imperfect."""
     approached: float = 2.0
     """Factor by which the probability of too near an animal must rise to end a hover."""
 
@@ -43,8 +42,7 @@ class SearchRules:
     learns_percent: float = 3.0
     """Charge that the battery must lose between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Standard error of the difference between two charge readings, as a fraction of the
-    capacity; readings are whole percents."""
+    """Standard error of a charge difference [share of capacity]; readings are whole %."""
     # Standard deviation of the hovering power before its first update, unknown and given in the
     # settings, as a share of it; the return allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0

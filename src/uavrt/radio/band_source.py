@@ -26,8 +26,7 @@ from uavrt.radio.sample_stream import BLOCK_S
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
 _SO_RXQ_OVFL: Final = 40
-"""Linux socket option that counts dropped datagrams (asm-generic/socket.h); Python's `socket`
-module does not define it."""
+"""Linux option that counts dropped datagrams (asm-generic/socket.h)."""
 _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 
 log = get_logger()

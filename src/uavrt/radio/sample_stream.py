@@ -28,8 +28,7 @@ _WRITE: Final = 16384
 airspy_rx writes 65 536 samples at once. So a block ends with a write and needs no extra
 read."""
 PIPE_BYTES: Final = 1 << 20
-"""Size of the largest pipe that Linux allows without privileges [bytes]
-(/proc/sys/fs/pipe-max-size)."""
+"""Size of the largest pipe without privileges [bytes] (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()

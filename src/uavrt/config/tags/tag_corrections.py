@@ -14,8 +14,7 @@ DRIFT: Final = 0.005
 LEAST_UNCERTAINTY: Final = 0.01
 """Relative difference up to which a measured interval equals the listed one."""
 _DRIFT_HZ: Final = 100.0
-"""Difference from the labelled frequency above which the tag's entry is corrected [Hz]; a fifth
-of the usual search window."""
+"""Difference from the label that is corrected [Hz]; a fifth of the search window."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of a tag's usual search band, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5

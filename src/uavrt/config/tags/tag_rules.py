@@ -26,8 +26,7 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Limit for detecting a wrong unit [ms]: an interval shorter than this and than the pulse is
-assumed to be in seconds."""
+"""Interval [ms] below which one shorter than the pulse is assumed to be in seconds."""
 MAX_SLIDE_HZ = 500.0
 """Largest change of a tag's frequency within a pulse [Hz]."""
 MAX_K = 100

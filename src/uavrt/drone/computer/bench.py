@@ -15,15 +15,13 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 from uavrt.drone.computer.finding import Finding, failed, passed
 
 DETECTOR_SILENT_S = 15.0
-"""Time without a report from any detector that counts as a fault [s]; over the link, each
-detector reports every 6 s."""
+"""Silence of all detectors that is a fault [s]; by the link each reports every 6 s."""
 POSE_OLD_S = 2.0
 """Age of the newest position that counts as a fault [s]; usually five arrive per second."""
 HEARD_S = 60.0
 """Largest age at which the last pulse of the test tag still counts as received [s]."""
 NOISE_RISE_DB = 6.0
-"""Increase of a tag's noise level since its lowest value that counts as a fault [dB]; such an
-increase halves the detection range."""
+"""Increase of a tag's noise that is a fault [dB]; it halves the detection range."""
 NOISE_APART_DB = 10.0
 """Difference of noise at two tag frequencies that is a fault [dB]; 3 dB is usual."""
 NOISE_LESS_DB = 10.0

@@ -34,8 +34,7 @@ FAILURES_PER_TAG = 2
 """Number of failures of a tag's search after which the tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age from which samples count as backlog [ns], such as after a restart. Blocks and filters
-alone delay samples by 0.2 s."""
+"""Age of samples that are backlog [ns]; blocks and filters delay by 0.2 s."""
 
 
 class DetectorBank:

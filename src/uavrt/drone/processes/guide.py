@@ -66,8 +66,7 @@ RunInBackground = Callable[[Callable[[], None]], None]
 TICK_S = 0.05
 ALIVE_S = 0.5
 COURSE_S, PATH_REQUEST_S = 1.0, 0.4
-"""Time between two reports of the drone's course, normally and while a path is requested [s].
-"""
+"""Time between reports of the course, normally and as a path is requested [s]."""
 MOST_WAITING_ORDERS = 8
 """Largest number of orders waiting to be planned."""
 

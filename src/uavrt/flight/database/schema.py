@@ -264,5 +264,4 @@ WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
     SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
     Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
 }
-"""For each type of record: the SQL statement that stores a record, and the function that
-converts the record to a row."""
+"""SQL statement and row function that store a record, by its type."""

@@ -4,8 +4,7 @@ from pathlib import Path
 
 MAX_BYTES = 2_000_000
 KEPT_FILES = 3
-"""Number of full log files that are preserved for each process; ``name.log.1`` is the newest.
-All files together have at most 8 MB."""
+"""Number of full logs preserved for each process, 8 MB in all; ``name.log.1`` is newest."""
 
 
 class ProcessLog:

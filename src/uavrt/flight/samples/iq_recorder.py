@@ -20,8 +20,7 @@ WAKE_S = 0.2
 """Duration of samples written at a time [s]; waking the thread costs more."""
 
 SETTLED_AFTER_S = 12.0
-"""Time from the start of the radio in which its sample times may still be corrected quickly [s]
-(`uavrt.radio.timing.sample_times`)."""
+"""Time from the start in which sample times may still be corrected quickly [s]."""
 
 
 class IQRecorder:

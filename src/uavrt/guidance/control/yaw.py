@@ -55,8 +55,7 @@ class YawWatch:
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """(time [s], heading [°], course over ground [°]) of each report in the last
-    `SAFETY.course_follow_s`."""
+    """(time [s], heading [°], course [°]) of reports in `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
     """Time from which an earlier turn may still continue [s]: that of the command, or the last
     at which the heading setpoint passed its aim."""

@@ -49,8 +49,7 @@ class _TagSearch:
     gap_s: float
     """Largest time between two search reports without an interruption of the search [s]."""
     threshold_db: float
-    """Detection threshold for missed pulses, and for received ones above it [dB, ratio of pulse
-    energy to noise density]."""
+    """Threshold for missed pulses, and received ones above it [dB, energy to noise]."""
     least_db: float
     """Detection threshold of pulses below `threshold_db` [dB, energy to noise density]."""
     from_s: float | None = None

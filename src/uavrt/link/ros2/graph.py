@@ -73,8 +73,7 @@ class RosTopic:
     commands: bool = True
     """True if messages of this topic are commands, which are handled before data messages."""
     made_of: tuple[type, Conversion] | None = None
-    """Type of the records that are published on this topic when they arrive; None if
-    `DroneTopics` decides when to publish."""
+    """Type of records published on arrival; None if `DroneTopics` decides when."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
@@ -215,8 +214,7 @@ OWN_TOPICS = ("burst", "store_coded_tag_information")
 """Topics of coded tags, which the original system does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
-"""ROS 2 node of each component. A component has the topics ``control_…`` and
-``status_<name>_subprocess``."""
+"""ROS 2 node of each component, with its ``control_…`` and status topics."""
 
 LOG_TOPIC = "rosout"
 """Topic to which every node writes its log; late subscribers get the newest `LOG_DEPTH`."""

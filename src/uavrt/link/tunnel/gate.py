@@ -41,11 +41,9 @@ UNRETURNED_NONCES = 6
 for sealed (authenticated) sessions. At 20 % loss in each direction this happens by chance once
 in 500 starts, and only causes another request."""
 MAX_ANNOUNCED = 4096
-"""Largest number of session announcements that are remembered; a drone makes fewer in a year.
-"""
+"""Largest number of remembered announcements; a drone makes fewer in a year."""
 FILES_S = 3.0
-"""Time for which a sealed (authenticated) keepalive marks its station as requesting files [s].
-"""
+"""Time for which a sealed keepalive marks its station as requesting files [s]."""
 SEALED_ORDERS = 64
 """Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"

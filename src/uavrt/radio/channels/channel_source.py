@@ -30,12 +30,10 @@ HELD_FRAMES: Final = 4
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3
-"""Number of consecutive frames with time stamps earlier than expected that shows that the
-sender's clock was set back."""
+"""Number of consecutive early frames that shows that the sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Longest forward jump of the time stamps that counts as lost samples [s]; a longer jump means
-that the sender's clock was changed."""
+"""Longest forward jump that counts as lost samples [s]; above, the clock was changed."""
 
 log = get_logger()
 

@@ -68,8 +68,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Known messages of radio programs: program, part of its output, and the cause that this shows.
-The first entry that matches counts."""
+"""Known messages: program, part of its output, and the cause; the first match counts."""
 
 
 _NOT_LISTED = (

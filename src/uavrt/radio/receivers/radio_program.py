@@ -38,8 +38,7 @@ _STALL_S: Final = 1.0
 _TERMINATE_S: Final = 2.0
 """Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx needs 0.1 s."""
 _FIRST_LINES: Final = 4
-"""Number of lines stored from the start of a program's error output, where the cause of a
-failure stands; a long help text may follow."""
+"""Number of first error lines kept, as the cause may precede a long help text."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
 """Parts of the progress lines of some radio programs, which are ignored."""
@@ -48,8 +47,7 @@ _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
 """Pattern of a radio program's message with the number of lost samples. Programs without such a
 message are monitored by the arrival times of samples."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""Pattern of the message in which hackrf_transfer -B reports the number of buffer overruns; the
-number of lost samples is not in it."""
+"""Message by which hackrf_transfer -B reports its overruns, without lost samples."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
 """Pattern of a sample rate as printed by airspy_info and airspyhf_info."""
 

@@ -27,8 +27,7 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Maximum difference between a driver's time stamp and the expected time that counts as
-rounding and not as a gap [s]."""
+"""Maximum difference of a driver's time from the expected one that is no gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
 """Maximum accepted difference between the requested and the actual radio frequency [Hz]."""

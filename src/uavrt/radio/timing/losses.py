@@ -27,8 +27,7 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum length of a cell [s]: a period for which the smallest lateness of arrivals is stored.
-USB transfers last 5 to 65 ms."""
+"""Minimum length of a cell of arrivals [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Greatest relative amount by which the clock of a radio may be slow; arrivals that become
 later more quickly than this show lost samples."""
@@ -48,8 +47,7 @@ _LEAST_CELLS: Final = 3
 _NEWEST: Final = 4
 """Number of newest cells that determine the present lateness of arrivals."""
 _QUIET_S: Final = 1.0
-"""Time after a loss in which the usual lateness is not updated, because arrivals may still show
-a further part of the loss [s]."""
+"""Time after a loss in which the usual lateness is not updated [s]."""
 _EVIDENCE: Final = 14.0
 """Log odds above which late arrivals count as a loss and not as jitter: a false alarm in one of
 10⁶ tests. There are 40 mostly dependent tests a second."""
@@ -67,8 +65,7 @@ _SUSPECT_S: Final = 0.008
 """Lateness of arrivals above which a loss of samples is suspected [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` if samples were lost in one
-step; a smaller fraction shows a drift."""
+"""Minimum share of lateness within `_BEFORE_S` of a step; a smaller one is a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
 """Fraction lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""

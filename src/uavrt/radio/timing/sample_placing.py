@@ -18,8 +18,7 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum time for which samples beyond a full block are held back until it is certain whether
-samples were lost [s]: two transfers."""
+"""Maximum time for which samples wait for a decision on a loss [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Maximum time between arrivals that belong to one write of the radio's program [ns]."""

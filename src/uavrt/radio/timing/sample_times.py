@@ -37,8 +37,7 @@ _MEASURED_AFTER_S = 30.0
 _MAX_RATE_ERROR = 500e-6
 """Maximum relative error of a radio's clock; above it the nominal rate is wrong."""
 _PRIOR_RATE_ERROR = 30e-6
-"""Standard deviation of the relative clock errors of radios, assumed before measuring (Airspy
-0.5, HackRF 20, RTL 50 ppm)."""
+"""Assumed standard deviation of radios' clocks (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
 """Maximum correction of sample times [s/s]; 1.25 s are then wrong by 0.25 ms."""

@@ -36,8 +36,7 @@ class Frame:
     """Wind velocity to the north and east [m/s]."""
     airspeed_m_s: float = 12.0
     drag_share: float = 0.1
-    """Power against drag at an airspeed of 10 m/s, as a fraction of the hover power; it grows
-    with the cube of the airspeed."""
+    """Drag power at 10 m/s over hover power; it grows with the airspeed's cube."""
     return_height_m: float = 30.0
     """Minimum height of the return [m]: RTL_RETURN_ALT (PX4), RTL_ALT (ArduPilot)."""
 
@@ -88,8 +87,7 @@ class Airframe:
         self.north_m, self.east_m, self.height_m = north_m, east_m, height_m
         self.velocity_m_s: geometry.Vector = (0.0, 0.0, 0.0)
         self._acceleration_m_s2: geometry.Vector = (0.0, 0.0, 0.0)
-        """Acceleration over ground to north and east [m/s²]; the third component is not used.
-        """
+        """Acceleration over ground north and east [m/s²]; the third number is unused."""
         self.elapsed_s = self.used_wh = 0.0
         self.velocity_setpoint: tuple[geometry.Vector, float] | None = None
         """Velocity setpoint and its time [s]; meanwhile ArduCopter reports no target."""

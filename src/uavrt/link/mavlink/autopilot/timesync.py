@@ -21,8 +21,7 @@ CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
 """Age up to which a TIMESYNC round trip is used for the clock fit [ns]."""
 KEPT_SHARE = 0.6
-"""Share of the TIMESYNC round trips that the clock fit uses, shortest first. The shortest of
-every 2 s are selected beforehand."""
+"""Share of round trips that the fit uses, the shortest first (of each 2 s, the best)."""
 JUMP_NS = ns_from_s(0.08)
 """Clock error that shows a restarted autopilot, in excess of the uncertainty of round trips and
 clock rate [ns]. An error below one second must occur in two consecutive answers."""

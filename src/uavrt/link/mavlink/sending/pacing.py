@@ -46,8 +46,7 @@ ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
 """Number of bytes that a low-priority message must leave in the rate limiter's token bucket, so
 that a pulse can follow at once. It equals the longest low-priority frame."""
 OTHER_WAIT_NS = ns_from_s(2.0)
-"""Longest time that pulses delay an answer to a station that does not command the drone [ns].
-"""
+"""Longest delay, by pulses, of an answer to a station not in command [ns]."""
 
 
 Item = TunnelPayload | Message

@@ -88,8 +88,7 @@ ORDER_OF_USE = {
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order in which messages with the same time stamp are handled: tags, then the end of the
-upload, then a start command."""
+"""Order of messages of one time stamp: tags, the upload's end, a start command."""
 GOODBYE_S = 0.2
 """Longest wait for others to acknowledge the empty list of nodes at the end [s]."""
 

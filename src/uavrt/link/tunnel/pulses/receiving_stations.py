@@ -17,13 +17,11 @@ from uavrt.link.tunnel.generations.wire import Ids
 PLAIN = 0
 """Store number that stands for all ground stations that do not acknowledge pulses."""
 MOST_STORES = 8
-"""Largest number of ground stations that get all pulses; a limit is needed because store
-numbers can be invented."""
+"""Largest number of stations that get all pulses, as numbers can be invented."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
 """Number of new ground stations accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
-"""Time without receipts after which a ground station is removed [ns]; its pulses stay on disk.
-"""
+"""Time without receipts after which a station is removed [ns]; the disk has all."""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
 """Time without an acknowledgement after which a ground station is ignored [ns], if at least

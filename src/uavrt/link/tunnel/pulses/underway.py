@@ -24,8 +24,7 @@ DONE = 256
 ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of a message in memory: tag id and start time of a pulse, and a third number if the
-message holds a burst's single pulses."""
+"""Key of a message: tag id, start time, and a third number for single pulses."""
 
 
 @dataclass(slots=True, eq=False)
