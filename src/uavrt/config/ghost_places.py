@@ -70,9 +70,7 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Multiple of a signal's offset that explains a spurious signal within a window, lowest
-        first (-1: mirror image); None if none does.
-        """
+        """Lowest multiple of an offset that explains a ghost (-1: mirror image), or None."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -83,9 +81,7 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Yield the offset from the centre frequency, before aliasing, and the tolerance of
-        each possible spurious signal [Hz].
-        """
+        """Yield offset from the centre, before aliasing, and tolerance of each ghost [Hz]."""
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

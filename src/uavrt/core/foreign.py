@@ -224,10 +224,7 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from another program from the element `root` on; entities are refused.
-
-    The XML declaration is skipped, because the text is already decoded.
-    """
+    """Parse foreign XML from the element `root` on, after the declaration; no entities."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -294,8 +291,5 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Maximum unpacked size of a text file [bytes].
-
-    Logs compress to about a tenth of their size, but zip bombs to far less.
-    """
+    """Maximum unpacked size [bytes]; logs compress to a tenth, zip bombs to far less."""
     return max(4_000_000, 40 * packed)

@@ -51,9 +51,7 @@ class BlockTimes:
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Return the fractional sample index at a time. If the clock was set back and two
-        samples have that time, the first is returned.
-        """
+        """Fractional sample index at a time; the first of two if the clock was set back."""
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:

@@ -5,11 +5,7 @@ from numpy.typing import NDArray
 
 
 def medians(power: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the median of each column, equal to `np.median(power, axis=0)`.
-
-    It is faster because it sorts contiguous copies around one element; `np.median` sorts
-    strided data around two.
-    """
+    """Median of each column, as `np.median(power, axis=0)`, by contiguous copies."""
     lines = power.T.copy()
     count = lines.shape[1]
     half = count // 2

@@ -113,10 +113,7 @@ class OrderExecution:
         self._requested_step = None
 
     def give_up(self, reason: str) -> None:
-        """End the order early and fly home, because the battery is not monitored in a hover.
-
-        An order that has not begun, or a take-off, ends without a command.
-        """
+        """Fly home early; an order not begun, or a take-off, ends without a command."""
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:

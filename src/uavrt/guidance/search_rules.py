@@ -25,7 +25,7 @@ class SearchRules:
     kept_away: float = 0.99
     """Required probability, for each tag, that a path keeps the protected distance."""
     away_margin: float = 1.4
-    """Planned over protected distance, as animals move and estimates are imperfect."""
+    """Ratio of planned to protected distance, as animals move and estimates are imperfect."""
     approached: float = 2.0
     """Factor by which the probability of too near an animal must rise to end a hover."""
 

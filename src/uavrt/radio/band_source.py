@@ -121,11 +121,7 @@ class ByteJoiner:
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add a datagram's bytes.
-
-        `lost`: number of datagrams dropped just before this one. Raises `ValueError` if an
-        earlier gap has not been taken yet.
-        """
+        """Add a datagram after `lost` dropped ones; `ValueError` if a gap is not taken yet."""
         if self.has_gap:
             raise ValueError("the samples before the gap must be read first")
         if lost:

@@ -52,9 +52,7 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check each gap. Return the factor that converts the given numbers to milliseconds (1000
-    if they look like seconds), and the faults.
-    """
+    """Check the gaps; return the factor to ms (1000 if in seconds), and the faults."""
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -128,9 +126,7 @@ class _Codes:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Return the index of the first tag with an equal code. If there is none, store the
-        code and return `place`, this tag's own index.
-        """
+        """Return the index of the first equal code; else store the code and return `place`."""
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -156,9 +152,7 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find pairs of tags with similar codes in overlapping search bands; return each pair with
-    the total difference of the gaps [s].
-    """
+    """Find similar codes in overlapping bands; return pairs with their difference [s]."""
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

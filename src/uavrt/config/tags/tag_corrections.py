@@ -144,9 +144,7 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Return one sentence that states the frequency offset common to all tags and the setting
-    that corrects it; empty without such an offset.
-    """
+    """Sentence on the tags' common offset and the setting that corrects it, if any."""
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []

@@ -123,9 +123,7 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 
 
 def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
-    """Format tags as ``tags.toml`` or ``TagInfo.txt``, depending on `suffix`. Raises
-    `ConfigError` if ``TagInfo.txt`` cannot hold them.
-    """
+    """Format ``tags.toml`` or ``TagInfo.txt``; `ConfigError` for tags without columns."""
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"

@@ -81,10 +81,7 @@ def is_tag_csv(text: str) -> bool:
 
 
 def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list of tags and return one draft per tag; errors are appended to `faults`.
-
-    If the list has no column of ids, its beeping tags are numbered from 1.
-    """
+    """Read a CSV list, one draft per tag, numbered from 1 without ids; add `faults`."""
     names: list[str] = []
     separator = ","
     drafts: list[TagDraft] = []

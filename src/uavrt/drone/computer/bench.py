@@ -214,10 +214,7 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Compare the tags' noise levels [dB] with those of past flights.
-
-    The levels must already be similar on all tags, and steady.
-    """
+    """Compare similar, steady noise levels of the tags [dB] with those of past flights."""
     even = f"the noise is steady, and equal within {apart_db:.0f} dB on all tags"
     if usual_db is None:
         return _open(

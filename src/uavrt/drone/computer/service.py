@@ -152,10 +152,7 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for a service that could not start or would lose recordings.
-
-    Refused are an unknown user, a missing directory, and a directory below /tmp.
-    """
+    """Raise `UsageError` for an unknown user, or a missing directory, or one in /tmp."""
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
     users = root / "etc/passwd"

@@ -140,10 +140,7 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Raise `UsageError` if the vehicle may be flying; return what a trial must observe.
-
-    `bench`: the drone is on a bench; heartbeat and poses are required only if present now.
-    """
+    """Return what a trial must observe (`bench`: if present); `UsageError` in flight."""
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
     if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):

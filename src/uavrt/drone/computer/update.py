@@ -101,10 +101,7 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Return the command that runs a module of an environment as root, with ``-I``.
-
-    ``-I`` prevents imports from the working directory, which may belong to the service's user.
-    """
+    """Command for a module as root; ``-I`` keeps it from the user's directory."""
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
@@ -190,10 +187,7 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText
 ) -> bool:
-    """Start the new version and monitor it. If it fails, restore the previous version.
-
-    True if the new version was kept.
-    """
+    """Start a version, monitor it; True if kept, False if the previous is restored."""
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)

@@ -89,10 +89,7 @@ class RecordSocket:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Return the received (topic, record) pairs; wait up to `timeout_s` for the first.
-
-        Raises `SupervisorGone` once all are read and the socket is closed.
-        """
+        """Received (topic, record) pairs, within `timeout_s`; `SupervisorGone` at the end."""
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
                 self.flush()

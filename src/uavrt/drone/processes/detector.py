@@ -292,10 +292,7 @@ class Searcher:
         """Start time of the blocks that are not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add one channel's block.
-
-        The blocks of a radio block are searched together, once the next radio block begins.
-        """
+        """Add a channel's block; blocks of one time are searched as the next begins."""
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns

@@ -387,10 +387,7 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Choose the scale of a new file: bits per value, full scale, and whether it was widened.
-
-    It is widened for a strong signal.
-    """
+    """Choose a file's bits per value, full scale, and if a strong signal widened it."""
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

@@ -109,10 +109,7 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Return a text on an excluded area that an action's path crosses; else None.
-
-        The path may begin at the present position or at the point where the drone stops.
-        """
+        """Text on an excluded area on an action's path, from here or the stop; else None."""
         goal = goal_of(action)
         if goal is None:
             return None

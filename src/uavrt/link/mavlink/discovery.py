@@ -134,10 +134,7 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Return the ground stations whose heartbeats arrive, or else the last one received.
-
-        A station without heartbeats is often still present, and sending to it costs nothing.
-        """
+        """Stations whose heartbeats arrive, or the last one, which may still be present."""
         present = [
             peer
             for peer, heard_ns in self._stations.items()

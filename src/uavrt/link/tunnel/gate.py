@@ -90,9 +90,7 @@ class Gate:
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
-        """Message that announces the drone's current session to ground stations; None without a
-        key. Sealed messages are valid in this session only.
-        """
+        """Announcement of the session in which seals are valid; None without a key."""
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
@@ -128,10 +126,7 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context in which a motion order is handled; yields the reason of a refusal, or None.
-
-        Answers that are sent within the block belong to this order.
-        """
+        """Context of a motion order and answers to it; yields why it is refused, or None."""
         refusal = self.refusal(station, sealed=sealed)
         if sealed:
             if station not in self._proving and not is_stop(order):

@@ -203,10 +203,7 @@ class RecordingSource:
 
 
 def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text that names the file's name as the source of a value.
-
-    It also states the time zone of a time and the rounding of a frequency.
-    """
+    """Text on the file's name as a source, with a time's zone or a frequency's rounding."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -252,11 +249,7 @@ def raw_layout(
     rate_from: str = GIVEN_BY_USER,
     start_from: str = GIVEN_BY_USER,
 ) -> Layout:
-    """Describe a file of raw samples.
-
-    The arguments `frequency_from`, `rate_from` and `start_from` say where each value comes
-    from.
-    """
+    """Describe a raw file; the arguments ``…_from`` say where each value comes from."""
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

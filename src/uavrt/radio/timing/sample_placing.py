@@ -126,10 +126,7 @@ class Placer:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Register that `held` samples have arrived by a time [ns, UTC].
-
-        `full`: the buffer is full and the sender has to wait, so its rate cannot be measured.
-        """
+        """Register `held` samples by a time [ns, UTC]; `full`: not paced, the sender waits."""
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
             return

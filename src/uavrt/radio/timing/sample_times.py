@@ -240,10 +240,7 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples that the radio reports as lost; return the number still to be counted.
-
-        A loss that arrival times have already shown is not counted twice.
-        """
+        """Skip samples reported as lost; return how many arrival times had not shown."""
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0

@@ -48,10 +48,7 @@ class AntennaSwitch(ScenarioRecord):
         return min(settle, self.dwell_samples(sample_rate_hz) - 1)
 
     def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
-        """Description of the switch for a recording's metadata.
-
-        It determines which antenna received each sample.
-        """
+        """Metadata of the switch, which give the antenna of each sample of a recording."""
         return {
             "kind": self.kind,
             "positions": self.positions,

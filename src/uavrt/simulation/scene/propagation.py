@@ -143,10 +143,7 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Position of the tag and of its mirror images, each with its reflection factor.
-
-    The reflecting ground is a plane through the ground points beneath tag and antenna.
-    """
+    """Tag and mirror images with their factors; the plane is through the ground below."""
     yield tag, 1.0
     if propagation.model == "two_ray":
         over_ground = math.hypot(tag[0] - antenna[0], tag[1] - antenna[1])

@@ -8,10 +8,7 @@ from uavrt.link.mavlink.message import Message
 
 
 def default_intervals_ns(flavour: str, link: str) -> dict[int, int]:
-    """Periods of the telemetry that an autopilot sends by default [ns], by message id.
-
-    The result is empty for ArduPilot, which by default sends only heartbeats.
-    """
+    """Periods of the default telemetry [ns], by message id; ArduPilot has none."""
     if flavour == "ardupilot":
         return {}
     rates_hz = {

@@ -35,8 +35,5 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """True if silence of the autopilot is real.
-
-        After a pause this is False for `SAFETY.stall_s`, or until all messages are read.
-        """
+        """True if silence is real: all is read after a pause, or `SAFETY.stall_s` passed."""
         return not self.late or now_s >= self._silence_counts_from_s

@@ -127,9 +127,7 @@ class TimeSync:
         }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
-        """Add an answered TIMESYNC request [ns]: local times of request and answer, and the
-        autopilot's boot time in the answer.
-        """
+        """Add an answered request: local times of both, boot time in the answer [ns]."""
         if received_ns < sent_ns:
             return
         trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)

@@ -156,9 +156,7 @@ def _plain_type(primitive: str) -> Any:
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
-    """Return the number of the ROS domain: from the settings, otherwise from ROS_DOMAIN_ID,
-    otherwise 0. Raises `ConfigError` for an invalid number.
-    """
+    """ROS domain of the settings, else of ROS_DOMAIN_ID, else 0; may raise `ConfigError`."""
     if settings.domain_id is not None:
         return settings.domain_id
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
