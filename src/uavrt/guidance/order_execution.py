@@ -10,7 +10,6 @@ from math import atan2, cos, degrees, radians
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_180
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import (
@@ -24,7 +23,7 @@ from uavrt.guidance.plans import (
     map_fault,
     must_return,
 )
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 
 class _BatteryWatch:

@@ -8,9 +8,8 @@ from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.control.observed import PositionReport, TargetReport, between_m, same_place
 from uavrt.guidance.control.step_progress import Progress, Remaining
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import YawWatch
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 OTHERS_TARGET, OTHERS_HEIGHT = (
     "another program has set a target",

@@ -15,9 +15,8 @@ from uavrt.guidance.control.observed import (
 )
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.rc_watch import RcWatch
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import FOREIGN_TURN, RestingYaw
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 PILOT_FLIES = "A pilot flies the drone; request again later"
 

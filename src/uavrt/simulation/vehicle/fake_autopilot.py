@@ -39,8 +39,11 @@ from uavrt.simulation.vehicle.commanded_vehicle import (
 from uavrt.simulation.vehicle.datagrams import DatagramPort
 from uavrt.simulation.vehicle.forwarding import ForwardRing, Impairment, Routes
 from uavrt.simulation.vehicle.mission_store import MissionStore
-from uavrt.simulation.vehicle.telemetry import default_intervals_ns, telemetry_message
-from uavrt.simulation.vehicle.vehicle_telemetry import home_message
+from uavrt.simulation.vehicle.vehicle_telemetry import (
+    default_intervals_ns,
+    home_message,
+    telemetry_message,
+)
 
 log = get_logger()
 

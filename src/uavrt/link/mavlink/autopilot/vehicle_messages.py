@@ -1,7 +1,7 @@
 """Convert the autopilot's messages to guidance's records, commands to messages; no I/O."""
 
 from collections.abc import Iterator
-from math import degrees, isfinite
+from math import cos, degrees, hypot, isfinite, radians, sin
 from typing import Any
 
 from uavrt.core.units import wrap_degrees_360
@@ -53,6 +53,8 @@ WATCHED_HZ: dict[int, float] = {
 """Messages that show when the pilot takes over, and their requested rates [Hz]. PX4 reports its
 flight mode in CURRENT_MODE, ArduPilot in HEARTBEAT; the wind also arrives in a different
 message from each."""
+STRONGEST_M_S = 60.0
+"""Strongest plausible wind [m/s]; no drone flies in more, so it is ignored."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
@@ -187,3 +189,22 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     return dialect.CommandLong(
         param5=command.param5, param6=command.param6, param7=command.z_m, **head
     )
+
+
+def wind_of(message: Message) -> tuple[float, float] | None:
+    """Return the wind velocity to the east and north [m/s]; None if a message has no wind.
+
+    Autopilots send it if they estimate the wind. On a multirotor this requires a measured drag
+    (EK3_DRAG_*, EKF2_DRAG_CTRL).
+    """
+    match message:
+        case dialect.Wind():  # the direction that it comes from
+            comes = radians(message.direction)
+            east, north = -message.speed * sin(comes), -message.speed * cos(comes)
+        case dialect.WindCov():
+            east, north = message.wind_y, message.wind_x
+        case _:
+            return None
+    if not (isfinite(east) and isfinite(north) and hypot(east, north) <= STRONGEST_M_S):
+        return None
+    return east, north

@@ -9,10 +9,11 @@ from typing import Generic, Literal, TypeVar
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
-from uavrt.link.tunnel.pulses.round_trips import FIRST_RTO_S, RoundTrips
 
 T = TypeVar("T")
 
+FIRST_RTO_S = 1.0
+MIN_RTO_S = 0.4
 UNANSWERED_NS = ns_from_s(1.2)
 """Time without any acknowledgement after which another link is tried [ns]."""
 REORDERING = 3
@@ -25,6 +26,29 @@ ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
 """Key of a message: tag id, start time, and a third number for single pulses."""
+
+
+class RoundTrips:
+    """Smoothed round trip and retransmission time-out, by RFC 6298."""
+
+    def __init__(self) -> None:
+        self.smoothed_s: float | None = None
+        self._variation_s = 0.0
+
+    def add(self, trip_s: float) -> None:
+        """Add the round trip of a message that was sent once [s]."""
+        if self.smoothed_s is None:
+            self.smoothed_s, self._variation_s = trip_s, trip_s / 2
+        else:
+            self._variation_s += (abs(trip_s - self.smoothed_s) - self._variation_s) / 4
+            self.smoothed_s += (trip_s - self.smoothed_s) / 8
+
+    @property
+    def timeout_s(self) -> float:
+        """Time after which a message without acknowledgement counts as lost [s]."""
+        if self.smoothed_s is None:
+            return FIRST_RTO_S
+        return max(MIN_RTO_S, self.smoothed_s + 4 * self._variation_s)
 
 
 @dataclass(slots=True, eq=False)
