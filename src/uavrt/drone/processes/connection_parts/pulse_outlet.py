@@ -103,8 +103,6 @@ class PulseOutlet:
     def tick(self, now_ns: int) -> None:
         """Report pulses sent to stations without receipts; read unsent pulses from disk."""
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
-        for number, key in self.sender.settled():
-            self._delivered(number, [key], now_ns)
         due = now_ns >= self._next_refill_ns and not self._reading
         store = self.sender.pulses.wanted() if due else None
         if store is not None:

@@ -5,7 +5,6 @@ acknowledged a pulse. The number of unconfirmed stations is limited. A station t
 none of many messages is ignored for a while.
 """
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -28,9 +27,6 @@ UNRESPONSIVE_NS = ns_from_s(10.0)
 `UNRESPONSIVE_SENDS` messages were sent to it. It does not exist or does not receive."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
-PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""How often a burst's single pulses are sent to a store that acknowledged none: 8 times, but
-once after 32 in total. At 40 % loss each way, none of 32 is answered once in a million."""
 
 
 @dataclass(slots=True)
@@ -47,17 +43,6 @@ class Store:
     """True once the station has acknowledged a pulse, which proves that it exists."""
     sends: int = 0
     """Number of messages sent to the station."""
-    reads_contents: bool = False
-    """True once the station has acknowledged a message with a burst's single pulses."""
-    insides: int = 0
-    """Number of messages with a burst's single pulses sent to the station."""
-
-    @property
-    def patience(self) -> float:
-        """Largest number of times that one burst's single pulses are sent to this station."""
-        if self.reads_contents:
-            return math.inf
-        return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
 
     def unresponsive(self, now_ns: int) -> bool:
         """True if many messages over a long time have brought no acknowledgement."""
