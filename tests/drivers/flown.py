@@ -18,8 +18,7 @@ from uavrt.guidance.order_execution import OrderExecution
 from uavrt.guidance.plans import plan_of
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
-from uavrt.link.mavlink.autopilot.vehicle_messages import command_message, observations
-from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.link.mavlink.autopilot.vehicle_messages import command_message, observations, wind_of
 from uavrt.link.mavlink.message import Message
 from uavrt.simulation.scene.geometry import TangentPlane
 from uavrt.simulation.vehicle.airframe import Flavour, Frame

@@ -59,10 +59,8 @@ def place(stream: DeliveredStream, samples: Samples | None = None) -> Iterator[I
             part = min(left, max(room, 1))
             held, left = held + part, left - part
             placer.arrived(held + left, now_ns)
-            while placer.samples_before_cut or (
-                held >= wanted and (placer.settle() or held >= wanted + hold)
-            ):
-                count = placer.samples_before_cut or held
+            while placer.cut or (held >= wanted and (placer.settle() or held >= wanted + hold)):
+                count = placer.cut or held
                 yield placer.place(came[first : first + count])
                 first, held = first + count, held - count
 

@@ -23,7 +23,7 @@ from uavrt.simulation.scene.flight import Flight, Leg
 from uavrt.simulation.scene.geometry import from_euler_deg
 from uavrt.simulation.scene.propagation import Propagation, Wall
 from uavrt.simulation.scene.scenario import Home, Scenario, SimulatedTag
-from uavrt.simulation.vehicle.telemetry import telemetry_message
+from uavrt.simulation.vehicle.vehicle_telemetry import telemetry_message
 from uavrt_experiments.simulated_source import SimulatedSource
 
 MAGNETIC_HEADING_DEG = 351.0

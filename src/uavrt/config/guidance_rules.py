@@ -1,6 +1,4 @@
-"""Check the settings in ``[guidance]`` that depend on each other, such as the height limits,
-and the name of the planner.
-"""
+"""Check the settings in ``[guidance]`` that depend on each other, and the planner."""
 
 import json
 from collections.abc import Iterator
@@ -15,9 +13,7 @@ PLANNER_NAMES = ("mi_rate",)
 
 
 def guidance_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the key and an error text for each inconsistent guidance setting; the loader
-    reports wrong types.
-    """
+    """Yield the key and an error text for each inconsistent guidance setting."""
     table = document.get("guidance")
     if not isinstance(table, dict):
         return

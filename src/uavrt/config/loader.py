@@ -81,9 +81,7 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the key and an error text for an unknown kind of radio and for each value that the
-    chosen radio does not support.
-    """
+    """Yield key and error text for each value that the chosen radio does not support."""
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -119,10 +117,7 @@ def settings_schema() -> dict[str, Any]:
 
 @cache
 def _settings_adapter() -> "TypeAdapter[Settings]":
-    """Return pydantic's reader for all settings.
-
-    It is cached, because it reads docstrings from source.
-    """
+    """Return pydantic's reader of settings, cached because it reads docstrings from source."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Settings)
@@ -221,9 +216,7 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Explain in words which custom rule a setting violates, since pydantic reports only the
-    rule's function name.
-    """
+    """Explain which custom rule a setting violates; pydantic names only its function."""
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

@@ -19,8 +19,7 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Number of decimal digits to which parameters are rounded, because MAVLink sends them as
-float32; 0.005 is then shown as 0.005."""
+"""Decimal digits to which parameters are rounded, as MAVLink sends them as float32."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,16 +40,13 @@ class Parameter:
     choices: tuple[str, ...] = ()
     """Names of the values 0, 1, … of a choice; empty for a numeric parameter."""
     absent: float | None = None
-    """Value outside `low` to `high` that means "not set"; None if the setting must have a
-    value."""
+    """Value outside `low` to `high` that means "not set"; None if a value is required."""
     scale: float = 1.0
     """Factor that converts the parameter's value to that of the setting."""
     live: bool = False
-    """True if a change applies at once; False if it applies from the next start of
-    detection."""
+    """True if a change applies at once; False: from the next start of detection."""
     volatile: bool = False
-    """True for a state that changes during operation, such as `DET_RUN`, and is therefore not
-    stored as a setting."""
+    """True for a state such as `DET_RUN`, which is not stored as a setting."""
 
     def allows(self, value: float) -> bool:
         """True if a value is within the parameter's range."""
@@ -223,9 +219,7 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 
 
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
-    """Return the settings with one parameter changed. Raises `ConfigError`, which states the
-    allowed range.
-    """
+    """Return the settings with one parameter changed; `ConfigError` states its range."""
     parameter = PARAMETERS.get(name)
     if parameter is None:
         raise ConfigError(
@@ -265,9 +259,7 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Return the frequency that the radio actually tunes to [Hz]. Raises `ConfigError` if the
-    radio cannot receive it.
-    """
+    """Frequency that the radio actually tunes to [Hz]; `ConfigError` if it cannot."""
     row = RADIOS.get(radio.kind)
     if row is None:
         return frequency_hz
@@ -282,9 +274,7 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Return warnings about tags outside the received band. Raises `ConfigError` if all tags
-    are outside.
-    """
+    """Warnings about tags outside the received band; `ConfigError` if all are outside."""
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
     if not beyond:
@@ -299,9 +289,7 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Return the tags with `k` and `false_alarm_probability` replaced where the settings give
-    one value for all tags.
-    """
+    """Replace the tags' `k` and `false_alarm_probability` where settings give one."""
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

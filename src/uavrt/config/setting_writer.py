@@ -25,9 +25,7 @@ _MOST_LINES = 200
 
 
 def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
-    """Write changed settings into ``uavrt.toml`` and return all settings. Raises
-    `ConfigError`.
-    """
+    """Write changes into ``uavrt.toml``; return all settings, or raise `ConfigError`."""
     target = Path(path)
     settings, text = changed_settings(target, changes)
     with os_errors_as(
@@ -41,9 +39,7 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Apply changes to a settings file's text; return the settings and the new text without
-    writing it. Raises `ConfigError`.
-    """
+    """Apply changes to a file's text; return settings and text, or raise `ConfigError`."""
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -84,9 +80,7 @@ def _with_value(text: str, table: str, key: str, value: Value) -> str:
 
 
 def _end_of_value(lines: list[str], first: int) -> int:
-    """Return the number of the last line of a value that starts at line `first`; lines are
-    counted from 1.
-    """
+    """Return the last line of a value that starts at line `first`; lines count from 1."""
     for last in range(first, min(len(lines), first + _MOST_LINES) + 1):
         try:
             tomllib.loads("\n".join(lines[first - 1 : last]))
@@ -97,9 +91,7 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Index of the commented-out line ``# key =`` of an unset setting in its table; None if
-    there is no such line.
-    """
+    """Index of the commented-out line ``# key =`` in its table; None if it is missing."""
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None
@@ -109,9 +101,7 @@ def _left_out(lines: list[str], header: int, key: str) -> int | None:
 
 
 def _require_only(before: str, after: str, changes: Changes, path: Path) -> None:
-    """Raise `ConfigError` unless the new text differs from the old one in exactly the requested
-    values.
-    """
+    """Raise `ConfigError` unless exactly the requested values differ in the new text."""
     wanted: dict[str, Any] = copy.deepcopy(tomllib.loads(before))
     for (table, key), value in changes.items():
         inside = wanted.setdefault(table, {})

@@ -13,8 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PART = ".part"
-"""Extension of a file that is being written. A power cut can leave such a file, which may be
-removed."""
+"""Extension of a file being written; one that a power cut left may be removed."""
 _PART_NAME = re.compile(r"\..+\.[0-9a-f]{12}\.part")
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
@@ -51,10 +50,7 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file's content, with permissions `mode`; text is written as UTF-8.
-
-    A device file is not replaced but written to. Raises `OSError`.
-    """
+    """Replace a file's content (text as UTF-8), or write to a device; may raise `OSError`."""
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)
@@ -69,10 +65,7 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Create a directory and its missing parents, so that they survive a power cut.
-
-    Raises `OSError` on failure.
-    """
+    """Create a directory and its parents, safe from a power cut; may raise `OSError`."""
     if path.is_dir():
         return
     make_directories(path.parent)

@@ -65,8 +65,7 @@ YAML_TAGS = Limit(what="a list of tags in YAML", bytes=150_000, values=20_000, d
 """Limits for tag lists in YAML: PyYAML reads 200 kB a second, and 500 coded tags take 60 kB."""
 SHAPES = Limit(what="an area or a path", bytes=2_000_000, values=100_000, depth=40)
 NOTES = Limit(what="a description in JSON", bytes=20_000_000, values=500_000)
-"""Limits for JSON files such as SigMF metadata of a recording with gaps, or results of a
-flight."""
+"""Limits for JSON files, such as SigMF metadata or results of a flight."""
 ARCHIVE_NOTE = Limit(what="a note of an archive", bytes=200_000_000)
 """Limits for the JSON description of an archive of a million recordings."""
 TEXT_LOG = Limit(what="a log", bytes=512 * 1024 * 1024, values=10_000_000)
@@ -118,10 +117,7 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Raise `FormatError` for a socket, device or pipe, unless it is a pipe from a shell.
-
-    `mode`: file mode from `os.stat` (st_mode).
-    """
+    """Raise `FormatError` for what is no file, except pipes from a shell (`mode`: st_mode)."""
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -228,10 +224,7 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse XML from another program from the element `root` on; entities are refused.
-
-    The XML declaration is skipped, because the text is already decoded.
-    """
+    """Parse foreign XML from the element `root` on, after the declaration; no entities."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -301,8 +294,5 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Maximum unpacked size of a text file [bytes].
-
-    Logs compress to about a tenth of their size, but zip bombs to far less.
-    """
+    """Maximum unpacked size [bytes]; logs compress to a tenth, zip bombs to far less."""
     return max(4_000_000, 40 * packed)

@@ -38,8 +38,7 @@ class _Sink:
     stream: TextIO | None = None
     """Stream to which log lines are written; None: stderr at the time of writing."""
     broken: int = field(default=0)
-    """Number of log lines lost since the last written line, because stderr was closed or
-    blocked."""
+    """Number of log lines lost since the last written one: stderr closed or blocked."""
 
 
 _sink = _Sink()

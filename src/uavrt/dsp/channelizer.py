@@ -19,18 +19,15 @@ from uavrt.core.errors import UsageError
 from uavrt.core.runtime.native import kernels
 from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import bank_taps, compatible_bank_taps
-from uavrt.dsp.fourier import transform_columns
 
 MATRIX_CHANNELS = 32
 """Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Number of sample windows weighted in one pass; a longer inner loop saves a fifth of the
-time."""
+"""Number of sample windows weighted in one pass, which saves a fifth of the time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Maximum number of output samples computed per pass; a block of the radio usually yields 655
-or 327."""
+"""Maximum number of output samples of a pass; a radio block yields 655 or 327."""
 
 
 class Channelizer:
@@ -186,9 +183,7 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Weight and fold samples of the band into the rows of `folded`; the first sample is
-        the oldest one that row 0 needs.
-        """
+        """Weight and fold samples, from the oldest that row 0 needs, into `folded`."""
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group
@@ -220,6 +215,9 @@ class Channelizer:
         if self._matrix is not None:
             product: NDArray[np.complex64] = self._matrix @ folded.T
             return product
+        # Loads scipy.fft, 14 MB; only computers without the kernels need it.
+        from uavrt.core.runtime.lean_scipy import fft
+
         # Transformed along columns, the result is (channels, outputs) without a transposition.
-        spectrum = transform_columns(folded.T)
+        spectrum: NDArray[np.complex64] = fft.fft(folded.T, axis=0)
         return spectrum if self._all else spectrum[self._selection]

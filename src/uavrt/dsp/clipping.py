@@ -1,6 +1,4 @@
-"""Detect when the receiver's converter clipped. Signals are then stronger than their measured
-power.
-"""
+"""Detect clipping of the receiver's converter: signals are then stronger than measured."""
 
 import math
 from collections import deque
@@ -12,26 +10,19 @@ from uavrt.core.messages import IQBlock
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
-"""Amplitude from which a sample counts as clipped [full scales]; the largest 8-bit value is
-0.992."""
+"""Amplitude of a clipped sample [full scales]; the largest 8-bit value is 0.992."""
 COMPUTED_AMPLITUDE = 2.0
-"""Amplitude above which samples must be computed and not received [full scales]; a radio's
-filters do not reach it."""
+"""Amplitude above which samples must be computed, not received [full scales]."""
 _STRETCH_S = 0.5e-3
-"""Length of the pieces into which samples are divided to search for clipping [s]; a 15 ms pulse
-has thirty pieces."""
+"""Length of the pieces searched for clipping [s]; a 15 ms pulse has thirty."""
 _MOST_SAMPLES = 64
-"""Number of samples examined in each piece; a clipping tone clips at least a quarter of
-them."""
+"""Number of samples examined in a piece; a clipping tone clips a quarter of them."""
 _PULSE_SHARE = 0.2
-"""Share of a pulse's pieces that must contain clipped samples for the pulse to count as
-clipped; an impulse clips only one piece."""
+"""Share of a clipped pulse's pieces that are clipped; an impulse clips only one."""
 MOST_UNREAD = 1000
-"""Maximum number of clipped pieces stored until they are read, enough for half a second or
-more."""
+"""Maximum number of clipped pieces kept until read, enough for half a second."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
-"""Duration for which clipped pieces are stored [ns]; every pulse is reported within this
-time."""
+"""Duration for which clipped pieces are kept [ns]; pulses are reported within it."""
 
 
 class ClippedTimes:
@@ -48,9 +39,7 @@ class ClippedTimes:
             self._stretches.popleft()
 
     def covers(self, start_ns: int, end_ns: int) -> bool:
-        """True if a pulse between two times [ns, UTC] was clipped during more than a fifth of
-        its duration.
-        """
+        """True if more than a fifth of a pulse between two times [ns, UTC] was clipped."""
         inside_ns = sum(
             max(0, min(last_ns, end_ns) - max(first_ns, start_ns))
             for first_ns, last_ns in self._stretches
@@ -59,10 +48,7 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the limits of the radio's converter.
-
-    At high sample rates it examines 64 samples in each half millisecond.
-    """
+    """Finds samples at the converter's limits, in up to 64 of each half millisecond."""
 
     def __init__(self) -> None:
         self.examined_s = 0.0
@@ -111,8 +97,6 @@ class Clipping:
         self._new = (self._new + new)[-MOST_UNREAD:]
 
     def take_new(self) -> tuple[tuple[int, int], ...]:
-        """Return the begin and end times of the clipped pieces found since the last call [ns,
-        UTC].
-        """
+        """Return the times (begin, end) of clipped pieces since the last call [ns, UTC]."""
         new, self._new = tuple(self._new), []
         return new

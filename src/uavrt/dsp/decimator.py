@@ -20,8 +20,7 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Maximum number of samples per matrix product. A block of 262 144 samples fits into one
-product; smaller products are slower."""
+"""Maximum number of samples per matrix product; smaller products are slower."""
 
 DIRECT_OUTPUTS = 1024
 """Maximum number of outputs that a direct sum computes per pass, which limits its memory."""
@@ -82,9 +81,7 @@ class Decimator:
         return self.delay_samples / self.sample_rate_hz
 
     def reset(self) -> None:
-        """Clear the filter's memory; the next input sample becomes sample 0 and yields output
-        ``y[0]``.
-        """
+        """Clear the filter's memory; the next sample becomes sample 0 and yields ``y[0]``."""
         self._tail = np.zeros(self.taps.size - 1, dtype=np.complex64)
 
     def process(self, block: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -119,9 +116,7 @@ class Decimator:
         return out
 
     def _filter(self, samples: NDArray[np.complex64], out: NDArray[np.complex64]) -> None:
-        """Filter samples into `out`; the first sample is the oldest one that ``out[0]``
-        needs.
-        """
+        """Filter samples, from the oldest that ``out[0]`` needs, into `out`."""
         native = kernels()
         if native is not None:
             native.decimate(samples, self._pairs, self.factor, out)

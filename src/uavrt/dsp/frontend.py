@@ -29,8 +29,7 @@ from uavrt.dsp.plan import (
 )
 
 LONGEST_FILLED_GAP_S = 1.0
-"""Longest gap in the samples that is filled with zeros [s]; a longer gap restarts the
-channelizer."""
+"""Longest gap that is filled with zeros [s]; a longer one restarts the channelizer."""
 
 
 class FrontEnd:

@@ -1,6 +1,4 @@
-"""Detect faults of the radio's input from its samples: a wrong format, a wrong gain, or a tag
-on the DC line.
-"""
+"""Detect faults in samples: a wrong format or gain, or a tag on the DC line."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -22,17 +20,14 @@ _SAME_LEVEL: Final = 0.6
 """Maximum share of samples with the same converter value. At this share the noise is 0.6
 converter steps rms, and quantisation costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
-"""Amplitude below which samples read in a wrong format never lie, while samples of noise do
-[full scales]."""
+"""Amplitude above which all samples of a wrong format lie, unlike noise [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
-"""Ratio of the powers of I and Q above which the input is faulty, since no radio produces
-it."""
+"""Ratio of the powers of I and Q above which the input is faulty."""
 _CLIPPED_SHARE: Final = 0.05
 """Maximum share of values at the converter's limits; more clipping distorts the noise."""
 _ON_DC_HZ: Final = 300.0
 _DC_RATIO: Final = 30.0
-"""Minimum power of the line at the radio's centre (DC) over the noise for it to count as a
-disturbance."""
+"""Minimum power of the DC line over the noise that counts as a disturbance."""
 
 WRONG_FORMAT: Final = "Wrong sample format? The values do not look like noise"
 UNEQUAL: Final = "I and Q differ in power: wrong format, or one is missing"
@@ -54,9 +49,7 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def check(self, block: IQBlock) -> list[str]:
-        """Check a block if a check is due; return messages about faults that were not reported
-        before.
-        """
+        """Check a block if a check is due; return the new faults' texts."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_EXAMINED_SAMPLES]
         if not due or len(samples) < _FEWEST_SAMPLES:
@@ -95,9 +88,7 @@ class InputCheck:
 
 
 def _clipped_share(parts: NDArray[np.float32]) -> float:
-    """Share of sample values at full scale; 0 for computed samples, which have no full
-    scale.
-    """
+    """Share of sample values at full scale; 0 for computed samples without one."""
     size = np.abs(parts)
     computed = float(size.max()) > COMPUTED_AMPLITUDE
     return 0.0 if computed else float(np.mean(size >= CLIPPED_AMPLITUDE))

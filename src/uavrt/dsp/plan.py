@@ -9,16 +9,14 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Channel spacing of the original system [Hz]. The spacing used is the nearest that gives a
-channel count with small prime factors."""
+"""Original channel spacing [Hz]; the nearest with small prime factors is used."""
 
 NARROWEST_BAND_HZ = 375_000.0
 """Minimum sample rate of the band after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Maximum sample rate of a recording that is treated as a single channel [Hz]; the filter bank
-needs at least four channels."""
+"""Maximum rate of a single-channel recording [Hz]; the bank needs four channels."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
@@ -45,10 +43,7 @@ class BandPlan:
     usable_half_span_hz: float
 
     def offset_hz(self, from_center_hz: float) -> float:
-        """Distance of a frequency from its channel's centre [Hz].
-
-        `from_center_hz`: frequency from the radio's centre.
-        """
+        """Distance from the channel's centre [Hz], of `from_center_hz` from the radio's."""
         half, spacing = self.channel_count // 2, self.channel_spacing_hz
         highest = half - 1 if self.channel_count > 1 else 0
         return from_center_hz - spacing * min(
@@ -57,9 +52,7 @@ class BandPlan:
 
     @property
     def channel_rate_hz(self) -> float:
-        """Sample rate of one channel [Hz]; if the band is not split into channels, the band's
-        rate.
-        """
+        """Sample rate of one channel [Hz], or of the band if it is not split."""
         return self.channel_spacing_hz * (2.0 if self.channel_count > 1 else 1.0)
 
 
@@ -84,9 +77,7 @@ def plan_band(sample_rate_hz: float, *, reach_hz: float, mode: Mode = "default")
 
 
 def widest_window_hz(offset_hz: float, channel_rate_hz: float) -> float:
-    """Widest possible half-width of the search around a frequency at `offset_hz` from its
-    channel's centre [Hz].
-    """
+    """Widest half-width of the search at `offset_hz` from a channel's centre [Hz]."""
     return max(DEFAULT_WINDOW_HZ, SEARCHED_FRACTION * channel_rate_hz - abs(offset_hz))
 
 
@@ -117,9 +108,7 @@ class FrontEndPlan:
     """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Number of the channel whose centre is nearest to a frequency. Raises `TunerError`
-        outside the usable span.
-        """
+        """Number of the channel nearest to a frequency; `TunerError` outside the span."""
         offset_hz = frequency_hz - self.center_frequency_hz
         if not abs(offset_hz) <= self.usable_half_span_hz:
             raise outside_span(
@@ -171,9 +160,7 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 
 
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
-    """Return the largest decimation factor for which the usable span reaches `reach_hz` from
-    the centre.
-    """
+    """Return the largest decimation factor whose usable span reaches `reach_hz`."""
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
     if mode == "compatible":
@@ -188,9 +175,7 @@ def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> 
 
 
 def choose_channel_count(band_rate_hz: float) -> int:
-    """Return the number of channels that gives a spacing nearest to 3750 Hz: even, and without
-    a prime factor above 11.
-    """
+    """Return the even channel count nearest to 3750 Hz spacing, prime factors up to 11."""
     exact = band_rate_hz / CHANNEL_SPACING_HZ
     nearest = 2 * round(exact / 2)
     candidates = (n for n in range(max(2, nearest - 16), nearest + 17, 2) if _smooth(n))
@@ -198,9 +183,7 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Return the smallest length, at least `least`, without a prime factor above 11, since such
-    lengths are fast to transform.
-    """
+    """Return the smallest length from `least` on with prime factors up to 11, so fast."""
     while not _smooth(least):
         least += 1
     return least

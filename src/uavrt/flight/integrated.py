@@ -37,8 +37,7 @@ class IntegratedPart:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius of the circle around this position that contains 95 % of the position's
-    probability [m]."""
+    """Radius around this position with 95 % of the position's probability [m]."""
     probability: float
 
 
@@ -47,20 +46,17 @@ class SearchedFor:
     """Tag and settings of a search; a result without a detection is valid only for these."""
 
     frequency_hz: float
-    """Frequency in the tag list [Hz]; the fields from here to `gaps_s` are from the tag
-    list."""
+    """Frequency in the tag list [Hz], where the fields up to `gaps_s` are from."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
     interval_jitter_s: float
     gaps_s: tuple[float, ...]
-    """Times from pulse start to pulse start in a coded tag's burst [s]; empty for other
-    tags."""
+    """Times between pulse starts in a coded tag's burst [s]; empty for other tags."""
     frequency_window_hz: float
     """Half-width of the band that was searched, about the tag's listed frequency [Hz]."""
     most_drift: float
-    """Largest relative change of the pulse interval during the flight that the search
-    covered."""
+    """Largest relative drift of the pulse interval that the search covered."""
     antenna: str
     """Name of the antenna pattern used in the search."""
     antenna_assumed: bool
@@ -76,11 +72,9 @@ class SilentAround:
     probability: float
     """Probability with which the search finds a tag that is in the area."""
     within_m: float | None
-    """Distance from the flight up to which the search would have found the tag [m]; None if it
-    excludes no place."""
+    """Distance up to which the tag would have been found [m]; None: no place excluded."""
     whole_flight: bool
-    """True if the search combined the pulses of the whole flight; False if it searched for
-    groups of pulses."""
+    """True if pulses of the whole flight were combined; False: only groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,22 +102,17 @@ class IntegratedVerdict:
     pulses: int = 0
     """Number of pulses in ``pulses.jsonl``, which only the whole-flight analysis found."""
     flights: int = 1
-    """Number of flights that were analysed together; `bearing_deg` is then from the middle of
-    all these flights."""
+    """Number of flights analysed together; `bearing_deg` is from the middle of all."""
     heard_live: int = 0
-    """Number of pulses of the detected pulse train that were already detected during the
-    flight."""
+    """Number of the detected train's pulses that were detected during the flight."""
     remarks: str = ""
     """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another pulse train on this frequency could be the tag, because the ratio of the
-    two intervals is simple, such as 3/2."""
+    """True if another train, with a simple ratio of intervals (3/2), could be the tag."""
     listened: str = ""
-    """Time spans for which samples of the tag's channel exist, as ISO 8601 intervals; empty if
-    unknown."""
+    """Times with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
-    """Possible positions of the tag, the most likely first; `latitude_deg` and `longitude_deg`
-    give their middle."""
+    """Possible positions, the most likely first; latitude and longitude give their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
     """Smallest region that contains the tag with a probability of 50 %."""
     region95: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
@@ -142,11 +131,9 @@ class FlightFold:
     length_s: float
     """Duration of the flight [s]; the rows of `raster` divide it into equal parts."""
     profile: tuple[float, ...]
-    """(columns,) energies summed over the flight, by time within the pulse interval; the
-    detected pulse train is in the middle."""
+    """(columns,) energies of the flight by time within the interval; the train is central."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns) energies; each row is a part of the flight, in order, and each column a
-    time within the pulse interval."""
+    """(rows, columns) energies, by part of the flight and time within the interval."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
@@ -190,10 +177,7 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read the results of ``uavrt integrate``; raises `FormatError` if they are damaged.
-
-    The result is empty if the flight was not analysed.
-    """
+    """Read the results of ``uavrt integrate``, if any; `FormatError` for damaged ones."""
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
     if not tags.is_file():

@@ -8,10 +8,7 @@ from uavrt.planning.drone_model.energy import EnergyModel
 
 
 def energy_of(hover_w: float | None) -> EnergyModel:
-    """Return the prior estimate of the flight power.
-
-    `hover_w` is the hover power [W], None if unknown.
-    """
+    """Prior estimate of the flight power; `hover_w`: hover power [W], None if unknown."""
     if hover_w is None:
         return EnergyModel(scale_sigma=SEARCH_RULES.unknown_sigma)
     return EnergyModel(
@@ -36,10 +33,7 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Use a battery reading; return the vehicle's state with the estimated power.
-
-        Readings count only while an order is flown, because the drone is then in the air.
-        """
+        """Use a battery reading of an order in flight; return the state with the power."""
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
         else:

@@ -10,7 +10,6 @@ from math import atan2, cos, degrees, radians
 from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import FlyThere, GoHome, Manoeuvre, TakeMode, TakeOff, TurnInPlace
 from uavrt.core.units import wrap_degrees_180
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.height_frames import target_amsl_m
 from uavrt.guidance.operator_orders import Limits, Order, Place, VehicleNow
 from uavrt.guidance.plans import (
@@ -24,7 +23,7 @@ from uavrt.guidance.plans import (
     map_fault,
     must_return,
 )
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 
 class _BatteryWatch:
@@ -74,7 +73,8 @@ class OrderExecution:
         self._sent_for_step = 0
         self._holding: Go | None = None
         self._holding_s = 0.0
-        self._returning = self._flies_home = False
+        self.returning = self._flies_home = False
+        """`returning`: True if a return was decided here, such as for a low battery."""
         self.shared = False
         """True if other drones search too. The drone then flies home at its own height, because
         the autopilot's return may climb into another drone's height."""
@@ -100,10 +100,7 @@ class OrderExecution:
         return self._waits and self._number >= len(self._steps)
 
     def redirect(self, steps: Sequence[Step], now: VehicleNow) -> None:
-        """Replace the remaining steps.
-
-        The drone stops first if its turn could look like a takeover.
-        """
+        """Replace the remaining steps, after a stop if the turn could look like a takeover."""
         if self._flies_home:
             return
         if self.shared and isinstance(steps[0], Home):
@@ -115,10 +112,7 @@ class OrderExecution:
         self._requested_step = None
 
     def give_up(self, reason: str) -> None:
-        """End the order early and fly home, because the battery is not monitored in a hover.
-
-        An order that has not begun, or a take-off, ends without a command.
-        """
+        """Fly home early; an order not begun, or a take-off, ends without a command."""
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:
@@ -144,7 +138,7 @@ class OrderExecution:
             self._sent, self._refused_before = now.requests_sent, now.requests_refused
         if now.requests_refused - self._refused_before > SAFETY.refusals:
             self._refused_before = now.requests_refused
-            if self._returning:
+            if self.returning:
                 self.ended = "the commands are refused"
                 return None
             self.give_up("the commands are refused")
@@ -173,8 +167,8 @@ class OrderExecution:
             return urgent
         if self._flies_home and not isinstance(self._requested_step, Home):
             return self._next_step(now)
-        if self._returning or self._holding is not None:
-            waiting = Home() if self._holding is None or self._returning else self._holding
+        if self.returning or self._holding is not None:
+            waiting = Home() if self._holding is None or self.returning else self._holding
             return None if self._requested_step in (waiting, Home()) else waiting
         return self._next_step(now)
 
@@ -211,7 +205,7 @@ class OrderExecution:
             case Turn():
                 return TurnInPlace(turn_deg=step.turn_deg, rate_deg_s=step.rate_deg_s)
             case Home():
-                self._returning = True  # the vehicle's mode will end the order
+                self.returning = True  # the vehicle's mode will end the order
                 return GoHome()
             case SetTakeoffMode():
                 return TakeMode()
@@ -251,7 +245,7 @@ class OrderExecution:
     def _urgent(self, now: VehicleNow) -> Step | None:
         """Return the step that a low battery or lost link requires; None if neither."""
         limits = self._limits
-        if not now.began or self._returning or self.order.action == "takeoff":
+        if not now.began or self.returning or self.order.action == "takeoff":
             return None  # a take-off ends where it hovers, and says no more
         if self._failed is not None:
             return self._home(self._failed)
@@ -296,13 +290,8 @@ class OrderExecution:
         height = max(height, self._limits.lowest_m)
         return Go(place=now.home, height_m=min(height, self._limits.highest_m))
 
-    @property
-    def returning(self) -> bool:
-        """True if a return was decided here, such as for a low battery."""
-        return self._returning
-
     def _home(self, reason: str) -> Step:
-        self.status_text, self._returning = f"returning: {reason}", True
+        self.status_text, self.returning = f"returning: {reason}", True
         return Home()
 
 

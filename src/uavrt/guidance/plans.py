@@ -173,10 +173,7 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 def rotation(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
-    """Return the plan of a full turn here.
-
-    Raises `PlanError` for an invalid duration or an unknown heading.
-    """
+    """Plan a full turn here; `PlanError` for a bad duration or an unknown heading."""
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
     by_steps = behaviour.yaw_in_reposition
@@ -240,10 +237,7 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Return positions for full turns, spread evenly along the lines.
-
-    Raises `PlanError` if there are too many.
-    """
+    """Positions for full turns, evenly along the lines; `PlanError` if too many."""
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
@@ -284,10 +278,7 @@ def _survey(
 def area_of(
     order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
 ) -> SearchArea:
-    """Return the outlined area with all limits for flights in it.
-
-    Raises `PlanError` if home is not in a permitted area.
-    """
+    """The outlined area with all limits; `PlanError` if home is not in a permitted one."""
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
@@ -445,10 +436,7 @@ def _plan_path(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Return the plan of a path.
-
-    Raises `PlanError` if fence, ground or battery forbid the path or its return.
-    """
+    """Plan a path; `PlanError` if fence, ground or battery forbid it or the return."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, below the least permitted "
@@ -560,10 +548,7 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Return why any order must end in a return now: wind or battery.
-
-    None if there is no reason.
-    """
+    """Why any order must now end in a return: wind or battery; None without reason."""
     windy = too_windy(now, limits)
     if windy is not None:
         return windy

@@ -18,8 +18,7 @@ class SafetyLimits:
     planner_lost_s: float = 2.0
     """Silence of the guide process after which the order ends [s]."""
     stall_s: float = 1.0
-    """Longest pause of the connection process that does not end an order [s]; reports wait
-    meanwhile."""
+    """Longest pause of the connection process that ends no order [s]; reports wait."""
     battery_s: float = 1.0
     """Time between two checks that the battery suffices for the return [s]."""
 
@@ -29,53 +28,43 @@ class SafetyLimits:
     """Largest age of the mode report when a command changes the mode [s]."""
     position_age_s: float = 0.5
     target_age_s: float = 0.3
-    """Largest age of the target report when a command other than an order's first is sent
-    [s]."""
+    """Largest age of the target report for commands after an order's first [s]."""
     sticks_age_s: float = 0.3
-    """Largest age of the RC report when a command is sent [s]; autopilots send it at 5 Hz or
-    more."""
+    """Largest age of the RC report for a command [s]; autopilots send it at 5 Hz."""
     # Age of a report above which the order ends, or the report is ignored [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Time without the autopilot's heartbeat after which an order ends [s]. Only the heartbeat
-    reports disarming."""
+    """Time without heartbeat after which an order ends [s]; only it reports disarming."""
     latest_telemetry_s: float = 0.2
     """Largest delay of the autopilot's messages with which commands are sent [s]."""
     clock_drift: float = 2e-4
-    """Largest difference in speed of the autopilot's and the computer's clock [ratio]; 100 ppm
-    for each."""
+    """Largest relative difference of autopilot's and computer's clock: 100 ppm each."""
 
     # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which one RC message with a moved switch counts [s]; a second such message
-    counts at once."""
+    """Time after which one RC message with a moved switch counts [s]; two do at once."""
     first_switch: int = 5
-    """Number of the first RC channel that is checked as a switch; channels 1 to 4 are the
-    sticks."""
+    """Number of the first RC channel checked as a switch; 1 to 4 are the sticks."""
 
     # Jumps of home since the confirmation, of altitude and of position that end the order [m].
     home_moved_m: float = 2.0
     height_jump_m: float = 5.0
     place_jump_m: float = 30.0
     home_height_error_m: float = 15.0
-    """Largest difference between home's altitudes by map and autopilot [m]; above it, no order
-    is planned."""
+    """Largest difference of home's altitude by map and autopilot for a plan [m]."""
     flying_height_m: float = 2.0
-    """Height above home from which a drone counts as flying if it reports no landed state
-    [m]."""
+    """Height above home from which a drone without landed state counts as flying [m]."""
     lowest_height_m: float = 20.0
     """Lowest height of a commanded target above ground [m]; the settings may change it."""
     gust_below_m: float = 1.0
-    """Amount by which a height may be below a limit [m], because gusts lower a hovering
-    drone."""
+    """Amount by which a height may be below a limit [m]; gusts lower a hover."""
     margin_m: float = 5.0
-    """Distance that paths keep from the outlines of people and buildings [m], for gusts and
-    bends."""
+    """Distance of paths from outlines of people and buildings [m]: gusts, bends."""
     calm_share: float = 0.9
     """Strongest wind in which orders are flown, as a fraction of the drone's airspeed."""
 
@@ -105,8 +94,7 @@ class SafetyLimits:
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
     setpoint_braking_deg_s2: float = 20.0
-    """Deceleration with which the autopilot's heading setpoint stops a turn [°/s²]; PX4 1.17,
-    MPC_YAWRAUTO_ACC."""
+    """Deceleration at the end of a turn [°/s²]; PX4 1.17, MPC_YAWRAUTO_ACC."""
     setpoint_rests_deg_s: float = 1.5
     """Largest turn rate at which the autopilot's heading setpoint counts as at rest [°/s]."""
     leg_speed_m_s: float = 1.5
@@ -131,15 +119,13 @@ class SafetyLimits:
     braking_s: float = 0.5
     braking_m: float = 0.1
     sample_s: float = 0.1
-    """Time between two position reports [s]; the time over which progress is checked is longer
-    by this."""
+    """Time between two position reports [s], added to the time of a progress check."""
 
     # Remaining angle at which a turn is done, and turned angle that shows its beginning [°].
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target below which the heading must not change [m]; PX4 stops turning
-    at 1 to 2 m."""
+    """Distance from the target with a fixed heading [m]; PX4 stops turning at 1 to 2 m."""
     bearing_place_error_m: float = 0.1
     """Position error that is allowed for when the heading is compared with the target's bearing
     [m]. On 1757 legs of PX4 1.17 and ArduCopter 4.7, 0.02 m would have sufficed."""
@@ -162,8 +148,7 @@ class SafetyLimits:
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle between heading and course from which the heading may turn in either direction
-    [°]."""
+    """Angle of heading and course from which the turn may go either way [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5
@@ -193,3 +178,13 @@ class SafetyLimits:
 
 
 SAFETY = SafetyLimits()
+
+
+def stops_within_m(speed_m_s: float) -> float:
+    """Return the distance in which a drone stops without turning back [m].
+
+    With PX4 and ArduCopter, a target at v²/(2 · 1.5 m/s²) was overshot by 3.3 to 3.7 m if the
+    drone was still accelerating, because the acceleration changes by at most 4 to 5 m/s³. The
+    result includes this overshoot, and half a second until the command arrives.
+    """
+    return 1.5 + 1.6 * speed_m_s + speed_m_s**2 / 4.0

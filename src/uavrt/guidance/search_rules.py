@@ -23,31 +23,26 @@ class SearchRules:
     """Number of corners of the polygon that approximates a circular search area."""
 
     kept_away: float = 0.99
-    """Required probability that a path keeps the protected distance from an animal, for each
-    tag."""
+    """Required probability, for each tag, that a path keeps the protected distance."""
     away_margin: float = 1.4
-    """Factor by which planned distances exceed the protected distance, because animals move and
-    estimates are sometimes wrong."""
+    """Ratio of planned to protected distance, as animals move and estimates are imperfect."""
     approached: float = 2.0
     """Factor by which the probability of too near an animal must rise to end a hover."""
 
     report_gap_s: float = 3.0
-    """Largest time between two search reports without an interruption of the search [s]; 1 s is
-    usual."""
+    """Largest time between reports of an uninterrupted search [s]; 1 s is usual."""
     # Greatest delay of a group's pulses after the group itself [intervals] and [s].
     late_intervals: float = 2.0
     late_s: float = 1.5
     kept_s: float = 60.0
-    """Time for which the drone's positions are stored [s], because some pulses are reported
-    late."""
+    """Time for which positions are stored [s], as some pulses are reported late."""
     most_keys: int = 4096
     """Number of pulses that are remembered in order to ignore repeated ones."""
 
     learns_percent: float = 3.0
     """Charge that the battery must lose between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Standard error of the difference between two charge readings, as a fraction of the
-    capacity; readings are whole percents."""
+    """Standard error of a charge difference [share of capacity]; readings are whole %."""
     # Standard deviation of the hovering power before its first update, unknown and given in the
     # settings, as a share of it; the return allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0

@@ -16,17 +16,13 @@ _PATIENCE_S: Final = 4.0
 _MOST_LOST: Final = 0.02
 """Fraction of lost samples above which the check of the radio reports a fault."""
 _DURATION_S: Final = 2.8
-"""Duration of the check [s]; enough to measure the sample rate
-(`uavrt.radio.timing.arrival_rate`)."""
+"""Duration of the check [s], enough to measure the rate (`radio.timing.arrival_rate`)."""
 _FREQUENCY_HZ: Final = 150e6
 """Frequency at which the radio is checked if the settings do not fix one [Hz]."""
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for three seconds and return a sentence with the measured result.
-
-    Raises an error with a remedy if the radio does not work as configured.
-    """
+    """Receive samples for 3 s; return the result as a sentence, or raise with a remedy."""
     if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)

@@ -8,8 +8,7 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of entered frequencies that are taken as megahertz and refused; no radio tag transmits
-at so few hertz."""
+"""Range of entered frequencies that are refused, as they must be megahertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a "
     "rate that the radio supports"
@@ -46,8 +45,7 @@ class LiveSource:
     """
 
     MAY_BE_SLOW: ClassVar[bool] = False
-    """True if the sender may be slower than real time; late samples then do not mean that
-    samples were lost."""
+    """True if the sender may be slower than real time: late samples are then no loss."""
     RATE_REMEDY: ClassVar[str] = "Set the sample rate to the one that the sender uses"
     """Remedy in the error for samples that arrive at a wrong rate."""
 
@@ -60,8 +58,12 @@ class LiveSource:
         start_moves: bool = True,
     ) -> None:
         check_rates(sample_rate_hz, center_frequency_hz)
-        self._rate_hz = sample_rate_hz
-        self._center_hz = center_frequency_hz
+        self.sample_rate_hz = sample_rate_hz
+        """Nominal sample rate [Hz]."""
+        self.center_frequency_hz = center_frequency_hz
+        """Radio frequency at the middle of the received band [Hz]."""
+        self.total_samples: int | None = None
+        """Always None, because the length of a live stream is unknown."""
         self._placer = Placer(
             sample_rate_hz,
             start_time_ns=start_time_ns,
@@ -85,11 +87,6 @@ class LiveSource:
         return self._placer.withdrawn
 
     @property
-    def samples_unsure(self) -> int:
-        """Number of samples counted as lost that may be due to a wrong clock rate instead."""
-        return self._placer.unsure
-
-    @property
     def unseen_losses(self) -> str | None:
         """Reason why arrival times cannot be used to find losses; None if they can."""
         return self._placer.unseen
@@ -98,21 +95,6 @@ class LiveSource:
     def rate_fault(self) -> str | None:
         """Text with the measured sample rate and a remedy; None if the rate is correct."""
         return self._placer.rate_fault
-
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the received band [Hz]."""
-        return self._center_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """Always None, because the length of a live stream is unknown."""
-        return None
 
 
 class DatagramSource(LiveSource):

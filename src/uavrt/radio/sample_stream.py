@@ -22,15 +22,13 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.timing.sample_placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate length of a sample block [s]; longer blocks add latency, and shorter blocks wake
-the program more often."""
+"""Approximate length of a sample block [s]: latency against wake-ups."""
 _WRITE: Final = 16384
 """Number of samples of which blocks are multiples, as are the writes of radio programs;
 airspy_rx writes 65 536 samples at once. So a block ends with a write and needs no extra
 read."""
 PIPE_BYTES: Final = 1 << 20
-"""Size of the largest pipe that Linux allows without privileges [bytes]
-(/proc/sys/fs/pipe-max-size)."""
+"""Size of the largest pipe without privileges [bytes] (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()
@@ -82,16 +80,13 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block; None if it is not complete within `timeout_s`.
-
-        A block ends early before samples that may have been lost.
-        """
+        """Get the next block, shorter before a possible loss; None after `timeout_s`."""
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._compact()
         if not self._waiting_since_ns:
             self._waiting_since_ns = self._clock.now_ns()
             self._placer.begin(self._waiting_since_ns)
-        while not self._ended and not self._placer.samples_before_cut and self._wants_more():
+        while not self._ended and not self._placer.cut and self._wants_more():
             left_s = None if deadline_s is None else deadline_s - monotonic_s()
             if left_s is not None and left_s < 0.0:
                 return None
@@ -124,12 +119,13 @@ class StreamSource(LiveSource):
         """True if the block is not full, or if samples may be lost and this is not decided."""
         if self._filled < self._wanted:
             return self._filled < len(self._bytes)
-        if self._placer.settle() or self._placer.samples_before_cut:
+        if self._placer.settle() or self._placer.cut:
             return False
         if len(self._bytes) == self._wanted:
             held = self._raw[: self._filled].copy()
             self._make_room(
-                self._wanted // self._format.bytes_per_sample + round(HOLD_S * self._rate_hz)
+                self._wanted // self._format.bytes_per_sample
+                + round(HOLD_S * self.sample_rate_hz)
             )
             self._raw[: self._filled] = held
         return self._filled < len(self._bytes)
@@ -182,7 +178,7 @@ class StreamSource(LiveSource):
     def _block(self) -> IQBlock:
         size = self._format.bytes_per_sample
         count = self._filled // size
-        first = self._placer.samples_before_cut
+        first = self._placer.cut
         if 0 < first < count:
             count = first
         samples = self._samples[:count]

@@ -48,8 +48,7 @@ class SimulatedRecording:
     outside: tuple[int, ...]
     """Ids of the tags with frequencies outside the recorded band."""
     cut: tuple[int, ...]
-    """Ids of tags that TagInfo.txt cannot describe completely: coded tags, and tags with two
-    intervals."""
+    """Ids of coded and two-interval tags, which TagInfo.txt cannot fully describe."""
 
 
 def simulate_to_directory(
@@ -61,10 +60,7 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario from its start; `directory` is created or must be empty.
-
-    `on_progress` is called with the number of samples written and their total.
-    """
+    """Record a scenario to an empty `directory`; `on_progress`: samples written, total."""
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)
     rate_hz = scenario.radio.sample_rate_hz if sample_rate_hz is None else sample_rate_hz

@@ -15,7 +15,7 @@ from uavrt.analysis.tracks.recognised import read_track
 from uavrt.core.errors import FormatError
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.frame import FrameWriter
-from uavrt.simulation.vehicle.telemetry import telemetry_message
+from uavrt.simulation.vehicle.vehicle_telemetry import telemetry_message
 
 POSE = some(numbered.pulse_pose(1).pose)
 IDS = (dialect.AttitudeQuaternion.ID, dialect.GlobalPositionInt.ID, dialect.SystemTime.ID)

@@ -39,7 +39,7 @@ from uavrt.localization.angles import difference_deg
 from uavrt.localization.antenna import PATTERNS
 from uavrt.localization.estimates.flight_estimates import bearings_of
 from uavrt.localization.estimates.heard import Heard
-from uavrt.simulation.vehicle.telemetry import telemetry_message
+from uavrt.simulation.vehicle.vehicle_telemetry import telemetry_message
 
 pytestmark = pytest.mark.slow
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from uavrt.drone.supervisor.tree.child_output import ProcessLog
 from uavrt.flight.flight_layout import FlightLayout
-from uavrt.flight.logs.process_log import ProcessLog
 
 
 def test_lines_are_kept_and_ended(tmp_path: Path) -> None:

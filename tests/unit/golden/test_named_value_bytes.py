@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uavrt.drone.processes.connection_parts.named_values import value_name
 from uavrt.link.mavlink.dialect import CRC_EXTRAS, NamedValueFloat
 from uavrt.link.mavlink.frame import FrameWriter
-from uavrt.link.mavlink.sending.named_value import value_name
 
 GOLDEN = "fd0d00000001bffb00003930000033336341534e525f324fe0"
 IDS = st.integers(0, 2**32 - 1)

@@ -19,7 +19,7 @@ from uavrt.drone.ipc.sample_datagrams import (
     ChannelReceiver,
     ChannelSender,
 )
-from uavrt.drone.ipc.sample_sockets import make_sample_sockets
+from uavrt.drone.supervisor.tree.process_tree import make_sample_sockets
 
 RATE_HZ = 7500.0
 

@@ -14,10 +14,10 @@ from uavrt.config.ghost_places import Receiver as GhostPlaces
 from uavrt.config.settings import DetectionSettings, RecordingSettings
 from uavrt.core.messages import Pulse, Tag
 from uavrt.drone.ipc.sample_datagrams import ChannelReceiver, ChannelSender
-from uavrt.drone.ipc.sample_sockets import make_sample_sockets
 from uavrt.drone.processes.detector import DetectorBank
 from uavrt.drone.processes.receiver import Receiver
 from uavrt.drone.supervisor.mission.flight_opening import share_tags
+from uavrt.drone.supervisor.tree.process_tree import make_sample_sockets
 from uavrt_experiments.detection.signals import make_samples
 
 RATE_HZ = 96_000.0

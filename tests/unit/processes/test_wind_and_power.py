@@ -13,8 +13,7 @@ from uavrt.config.settings import GuidanceSettings
 from uavrt.drone.processes import guide
 from uavrt.guidance.vehicle_reports import now_of
 from uavrt.link.mavlink import dialect
-from uavrt.link.mavlink.autopilot.vehicle_messages import WATCHED_HZ
-from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.link.mavlink.autopilot.vehicle_messages import WATCHED_HZ, wind_of
 from uavrt.simulation.vehicle.airframe import Flavour, Frame
 from uavrt.simulation.vehicle.commanded_vehicle import REQUESTABLE_IDS
 from uavrt.simulation.vehicle.vehicle_telemetry import wind_message

@@ -131,8 +131,8 @@ def test_a_stall_at_the_very_start_does_not_shift_the_times() -> None:
         taken_s = number * transfer / rate_hz
         held += transfer
         placer.arrived(held, START_NS + round(max(taken_s, 0.3) * 1e9))
-        while placer.samples_before_cut or held >= 4 * transfer:
-            count = placer.samples_before_cut or held
+        while placer.cut or held >= 4 * transfer:
+            count = placer.cut or held
             block = placer.place(np.zeros(count, np.complex64))
             errors.append((block.time_ns - START_NS) * 1e-9 - first / rate_hz)
             first, held = first + count, held - count

@@ -49,7 +49,7 @@ def placed(
         held += count
         placer.arrived(held, START_NS + round(now_s * 1e9))
         while held and placer.settle() and held >= 0.08 * RATE_HZ:
-            block = placer.place(np.zeros(placer.samples_before_cut or held, np.complex64))
+            block = placer.place(np.zeros(placer.cut or held, np.complex64))
             held -= len(block.samples)
             blocks.append(block)
     return placer, blocks

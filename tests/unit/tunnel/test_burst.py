@@ -97,16 +97,13 @@ def test_a_burst_that_cannot_be_is_refused(
 class Station:
     """The ground's half of a trial: keeps what comes, acknowledges what it reads."""
 
-    def __init__(self, *, reads_insides: bool = True) -> None:
-        self.reads_insides = reads_insides
+    def __init__(self) -> None:
         self.pulses: set[bytes] = set()
         self.insides: dict[tuple[int, int], BurstInside] = {}
         self._due: list[int] = []
 
     def take(self, payload_type: int, payload: bytes) -> None:
         if payload_type == BURST_TYPE:
-            if not self.reads_insides:
-                return
             inside = decode_burst(payload)
             self.insides[inside.tag_id, round(inside.start_time_ns / 1e6)] = inside
         else:
@@ -176,15 +173,6 @@ def test_a_burst_is_delivered_with_its_inside_and_not_before() -> None:
     number = payload_hash(second.payload)
     assert sender.receipt(77, [number], GROUND, 2 * SECOND) == [pulses[0].key]
     assert len(sender.pulses) == 0
-
-
-def test_a_ground_station_that_reads_no_insides_gets_every_pulse_and_little_else() -> None:
-    pulses, station = bursts(60), Station(reads_insides=False)
-    outlet, delivered, sent = fly(pulses, station, loss=0.0)
-    assert len(station.pulses) == 60
-    assert set(delivered) == {pulse.key for pulse in pulses}
-    assert len(outlet.sender.pulses) == 0
-    assert sent[BURST_TYPE] < 60 + 32 + 8
 
 
 def test_a_beep_has_no_inside() -> None:

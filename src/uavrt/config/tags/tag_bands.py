@@ -1,6 +1,4 @@
-"""Group tags whose search bands overlap. The search for one tag of a group also receives the
-pulses of the others.
-"""
+"""Group tags whose search bands overlap, as each then receives the others' pulses."""
 
 from collections.abc import Sequence
 
@@ -8,9 +6,7 @@ from uavrt.core.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Group frequency bands (lower and upper edge) that overlap directly or through other
-    bands; return the bands' indices.
-    """
+    """Return the indices of bands (lower, upper) that overlap, in connected groups."""
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):

@@ -1,6 +1,4 @@
-"""Records of tags as the user typed them, before validation, and of the faults found in
-them.
-"""
+"""Tags as the user typed them, before validation, and the faults found in them."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -42,9 +40,7 @@ class Entry:
 
 @dataclass(slots=True, kw_only=True)
 class TagDraft:
-    """A tag as the user typed it; times are in milliseconds, the frequency in the unit of its
-    entry.
-    """
+    """A tag as typed: times in milliseconds, frequency in the unit of its entry."""
 
     line: int
     entries: dict[Quantity, Entry] = field(default_factory=dict)

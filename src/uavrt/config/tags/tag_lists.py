@@ -81,10 +81,7 @@ def is_tag_csv(text: str) -> bool:
 
 
 def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list of tags and return one draft per tag; errors are appended to `faults`.
-
-    If the list has no column of ids, its beeping tags are numbered from 1.
-    """
+    """Read a CSV list, one draft per tag, numbered from 1 without ids; add `faults`."""
     names: list[str] = []
     separator = ","
     drafts: list[TagDraft] = []
@@ -125,9 +122,7 @@ def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a YAML list of coded tags and return one draft per tag; errors are appended to
-    `faults`.
-    """
+    """Read a YAML list of coded tags, one draft per tag; add errors to `faults`."""
     drafts: list[TagDraft] = []
     for node in read_yaml(text, faults):
         for tag, name in _tags_of(node, faults):
@@ -190,9 +185,7 @@ def _table(tag: Node, name: str | None, faults: list[Fault]) -> dict[str, _Cell]
 def _draft(
     table: dict[str, _Cell], line: int, faults: list[Fault], absent: Sequence[str] = ()
 ) -> TagDraft:
-    """Convert a table row to a tag draft. Missing fields are reported, except those listed in
-    `absent`.
-    """
+    """Convert a row to a tag draft; report missing fields except those in `absent`."""
     draft = TagDraft(line=line, gaps=())
     interval = _read_numbers(draft, table, faults)
     gaps, gaps_line = _gaps(table, line, faults)
@@ -217,9 +210,7 @@ def _beeping(
 def _read_numbers(
     draft: TagDraft, table: dict[str, _Cell], faults: list[Fault]
 ) -> Entry | None:
-    """Read a row's name and numbers into `draft`; return its burst interval [s] if it has
-    one.
-    """
+    """Read a row's name and numbers into `draft`; return its burst interval [s] or None."""
     burst = None
     for key, cell in table.items():
         quantity = _quantity(key)
@@ -275,9 +266,7 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Return a coded tag's gaps [ms] and their line number. The gaps are None if any of them is
-    not a number.
-    """
+    """Return a coded tag's gaps [ms], or None if not all are numbers, and their line."""
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -298,9 +287,7 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Return the end of an error sentence that lists unknown columns, since one of them may be
-    a misspelt required column.
-    """
+    """Return the end of an error that lists unknown columns, which may be misspelt."""
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

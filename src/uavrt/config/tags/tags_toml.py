@@ -107,9 +107,7 @@ def parse_tags_toml(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def _missing(table: dict[str, object], draft: TagDraft, faults: list[Fault]) -> list[str]:
-    """Return the required fields that a tag lacks, without those that were already reported as
-    misspelt or wrong.
-    """
+    """Return the required fields that a tag lacks and that were not reported yet."""
     if draft.gaps is not None:
         required = _REQUIRED_OF_CODED
     elif any(key in table for key in _CODED_KEYS[1:]):
@@ -225,9 +223,7 @@ def _is_number(value: object) -> bool:
 
 
 def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> None:
-    """Store a code's gaps [ms] in a draft; report a fault if they are not a list of numbers or
-    are too many.
-    """
+    """Store a code's gaps [ms] in a draft; report what is no list of numbers, or too long."""
     draft.gaps = ()
     if not isinstance(gaps, list) or not gaps or not all(map(_is_number, gaps)):
         text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
@@ -246,9 +242,7 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Store a code's burst interval [s] in a draft; report a value that looks like
-    milliseconds.
-    """
+    """Store a code's burst interval [s]; report a value that looks like milliseconds."""
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return
@@ -270,9 +264,7 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Return the valid key most similar to a misspelt one; None if none is similar or if too
-    many faults were reported.
-    """
+    """Return the key most similar to a misspelt one; None if none, or too many faults."""
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:
@@ -298,7 +290,5 @@ def _syntax_fault(error: ValueError) -> Fault:
 
 
 def _quoted(text: str) -> str:
-    """Format a text as a basic string of TOML. The escapes of JSON are valid in TOML, except
-    for DEL.
-    """
+    """Format a TOML basic string; JSON's escapes are valid in it, except for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

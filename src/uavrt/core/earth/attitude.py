@@ -47,10 +47,7 @@ def rotated(q: Quaternion, v: Vector) -> Vector:
 
 
 def from_euler_deg(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Quaternion:
-    """Quaternion of yaw, then pitch, then roll [°] (intrinsic z, y', x'').
-
-    All components are NaN if an angle is not finite.
-    """
+    """Quaternion of yaw, pitch, roll [°] (intrinsic z, y', x''); NaN unless all are finite."""
     if not all(map(math.isfinite, (yaw_deg, pitch_deg, roll_deg))):
         return (math.nan,) * 4
     half_yaw, half_pitch, half_roll = (

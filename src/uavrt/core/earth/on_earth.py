@@ -5,8 +5,7 @@ import math
 from uavrt.core.earth.attitude import Quaternion, normalised
 
 _SCALED = 1e5
-"""Absolute value above which a latitude or longitude is probably given in 10⁻⁷ degrees, as in
-MAVLink."""
+"""Absolute value above which a latitude or longitude is probably in 10⁻⁷ degrees."""
 
 
 class OffEarthError(ValueError):

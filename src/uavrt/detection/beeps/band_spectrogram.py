@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from uavrt.core.runtime.native import kernels
 from uavrt.detection.beeps.tuning import POINTS
-from uavrt.dsp.fourier import transform_columns
 from uavrt.dsp.plan import fast_length
 
 
@@ -52,6 +51,9 @@ class BandSpectrogram:
                 samples, self.hop, taper, self._twiddles, first, self.bins, work_parts, out
             )
             return
+        # Loads scipy.fft, 14 MB; only computers without the kernels need it.
+        from uavrt.core.runtime.lean_scipy import fft
+
         windows = sliding_window_view(samples, self.length)[:: self.hop]
         for begin in range(0, len(out), POINTS.least_frames):
             power = out[begin : begin + POINTS.least_frames]
@@ -60,7 +62,7 @@ class BandSpectrogram:
             np.multiply(
                 windows[begin : begin + len(power)], self._taper, out=framed[:, : self.length]
             )
-            spectrum = transform_columns(framed.T, framed.T).T
+            spectrum = fft.fft(framed, axis=1, overwrite_x=True)
             negative = min(max(0, -self._first), self.bins)
             for target, source in (
                 (power[:, :negative], spectrum[:, self._first + self._size :]),

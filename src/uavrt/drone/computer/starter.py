@@ -24,10 +24,7 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write the menu entry and its icon; return the files written.
-
-    A repeated call overwrites them.
-    """
+    """Write, or overwrite, the menu entry and its icon; return the files."""
     if not program.exists():
         raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"

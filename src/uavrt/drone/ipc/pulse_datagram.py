@@ -1,25 +1,6 @@
-"""Pulses as the original detector sends them to its controller: 96 bytes by UDP.
+"""Pulses as the original detector sends them to its controller: 96 bytes by UDP to port 50000.
 
-Twelve float64, little endian, to 127.0.0.1:50000::
-
-    offset  field
-    0       tag_id
-    8       frequency_hz           absolute, whole hertz
-    16      start_time_s           since 1970; float64 resolves 0.24 µs today
-    24      predict_next_start_s   0: none
-    32      snr_db
-    40      stft_score             statistic over threshold
-    48      group_sequence
-    56      group_index            1 to K
-    64      group_snr_db
-    72      detection_status       0 below the threshold, 1 detected, 2 confirmed,
-                                   3 searched and found nothing
-    80      confirmed              0 or 1
-    88      noise_psd
-
-All four states exist in the original's successor, only 0 and 1 in the original. A heartbeat is
-a record with only the tag's number: frequency 0. A record of state 3 has number, frequency,
-time, score and noise.
+Layout: the manual's reference of UDP formats. A heartbeat has only the tag's number.
 """
 
 import math
@@ -45,7 +26,7 @@ a pulse about half a second late, in steps of up to 0.44 s."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseRecord:
-    """Content of a pulse datagram: twelve numbers in the order of the table above."""
+    """Content of a pulse datagram: twelve numbers in order."""
 
     tag_id: float
     frequency_hz: float = 0.0
@@ -66,10 +47,7 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Decode a record of 96 bytes; raises `FormatError` for any other size.
-
-        Numbers may be infinite.
-        """
+        """Decode 96 bytes, numbers may be infinite; `FormatError` for any other size."""
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record must have {RECORD.size} bytes, but this one has "

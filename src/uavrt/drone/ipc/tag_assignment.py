@@ -23,5 +23,4 @@ class Assignment:
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """For the receiver: number of the detector worker that searches each tag, by tag id."""
     sample_fds: tuple[int, ...] = ()
-    """File descriptors of sample sockets: first the receiving end, if any, then one sending end
-    per detector."""
+    """Descriptors: first the receiving end, if any, then a sending end per detector."""

@@ -286,10 +286,7 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text to the ground, and to the supervisor, which records it.
-
-        The supervisor does not return the text, so the ground gets it from here.
-        """
+        """Send a text to the ground, and to the supervisor, which only records it."""
         self._frame.send("status_text", text)
         self._send_text(text)
 

@@ -34,8 +34,7 @@ FAILURES_PER_TAG = 2
 """Number of failures of a tag's search after which the tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age from which samples count as backlog [ns], such as after a restart. Blocks and filters
-alone delay samples by 0.2 s."""
+"""Age of samples that are backlog [ns]; blocks and filters delay by 0.2 s."""
 
 
 class DetectorBank:
@@ -293,10 +292,7 @@ class Searcher:
         """Start time of the blocks that are not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add one channel's block.
-
-        The blocks of a radio block are searched together, once the next radio block begins.
-        """
+        """Add a channel's block; blocks of one time are searched as the next begins."""
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns

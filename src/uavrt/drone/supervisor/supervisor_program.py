@@ -21,10 +21,7 @@ from uavrt.drone.supervisor.viewers import Viewers, require_unserved
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
-    """Run the system until SIGTERM or SIGINT.
-
-    With tags, or after an interrupted flight, detection starts at once.
-    """
+    """Run until SIGTERM or SIGINT; detect at once with tags, or an interrupted flight."""
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
     viewers.supervisor = supervisor

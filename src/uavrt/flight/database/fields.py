@@ -21,8 +21,7 @@ Row = tuple[Any, ...]
 Kind = Literal["whole", "real", "switch", "word", "wholes", "reals", "named"]
 
 IN_NO_TABLE = "in no table"
-"""Key in the metadata of a dataclass field that gets no column in tables, because its value is
-nested."""
+"""Metadata key of a dataclass field that gets no column, as its value is nested."""
 _KINDS: dict[Any, Kind] = {int: "whole", float: "real", bool: "switch", str: "word"}
 SQL_TYPES: dict[Kind, str] = {
     "whole": "INTEGER",

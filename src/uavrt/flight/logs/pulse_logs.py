@@ -33,10 +33,7 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
 
 
 class PulseLogs:
-    """Text logs of the whole flight and of each tag.
-
-    After a failed write they are completed from the database.
-    """
+    """Text logs of flight and tags, completed from the database after a failed write."""
 
     def __init__(self, layout: FlightLayout) -> None:
         self._layout = layout

@@ -37,8 +37,7 @@ R = TypeVar("R")
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
 _LATER_TABLES = ("search_notes", "beeps")
 LATEST_NS = 2**62
-"""Latest time accepted in a flight [ns since 1970]; sums and differences of such times fit in
-64 bits."""
+"""Latest time accepted [ns since 1970]; sums and differences fit in 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,15 +56,11 @@ class Flight:
     notes: tuple[tuple[int, str], ...]
     """Notes on the flight, each with its time [ns, UTC]."""
     on_ground_ns: tuple[tuple[int, int], ...] = ()
-    """First and last time of each stay on the ground, as reported by the autopilot [ns]; empty
-    if it reported nothing."""
+    """Begin and end of each reported stay on the ground [ns]; empty without reports."""
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, complete or in progress; health records are left out.
-
-    Raises `FormatError` if the flight cannot be read.
-    """
+    """Read a flight, even in progress, without health records; may raise `FormatError`."""
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

@@ -16,8 +16,7 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.flight_reader import flight_database
 
 MOST_FLIGHTS = 10
-"""Number of recent flights from which the median noise is computed; it is small because
-receivers and gains change."""
+"""Number of recent flights for the median noise; few, as receivers and gains change."""
 _IN_THE_AIR_M = 2.0
 _LEAST = 3
 """Number of noise values before take-off from which their median is used."""
@@ -50,10 +49,7 @@ def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
 
 
 def read_usual_noise_db(directories: Iterable[Path]) -> float | None:
-    """Read the median noise of past flights [dB], given with the newest first.
-
-    Damaged flights are skipped. The result is None if no flight has a noise level.
-    """
+    """Median noise of past flights [dB], newest first, if any; damaged ones are skipped."""
     return usual_noise_db(_levels_db(directories))
 
 

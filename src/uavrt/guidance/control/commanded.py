@@ -8,9 +8,8 @@ from uavrt.core.units import wrap_degrees_180
 from uavrt.guidance.autopilot_behaviour import Behaviour
 from uavrt.guidance.control.observed import PositionReport, TargetReport, between_m, same_place
 from uavrt.guidance.control.step_progress import Progress, Remaining
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import YawWatch
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 OTHERS_TARGET, OTHERS_HEIGHT = (
     "another program has set a target",
@@ -274,10 +273,7 @@ class Commanded:
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
 ) -> Remaining:
-    """Return the remaining angle to the commanded heading, else to the target's bearing.
-
-    The bearing `ahead_deg` is NaN if the target is too near.
-    """
+    """Remaining angle to the commanded heading, else to `ahead_deg`, NaN if too near."""
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
     return Remaining(

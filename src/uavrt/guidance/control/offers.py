@@ -15,9 +15,8 @@ from uavrt.guidance.control.observed import (
 )
 from uavrt.guidance.control.observed_vehicle import ObservedVehicle
 from uavrt.guidance.control.rc_watch import RcWatch
-from uavrt.guidance.control.stopping_distance import stops_within_m
 from uavrt.guidance.control.yaw import FOREIGN_TURN, RestingYaw
-from uavrt.guidance.safety import SAFETY
+from uavrt.guidance.safety import SAFETY, stops_within_m
 
 PILOT_FLIES = "A pilot flies the drone; request again later"
 
@@ -32,19 +31,16 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if, at the proposal, the vehicle hovered in the mode for commands without an
-    order."""
+    """True if the vehicle then hovered in the mode for commands without an order."""
     target: TargetReport | None
-    """Target reported by a hovering vehicle; a change shows that another station commands
-    it."""
+    """Target reported in the hover; a change shows another station's command."""
     place: PositionReport
     home: HomeReport
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without a remote control."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of the heading and target heading of a hovering vehicle; None if it moves or the
-    heading is unknown."""
+    """Monitors of a hovering vehicle's headings; None if moving or unknown."""
 
     def turned(self, seen: PositionReport | TargetReport) -> bool:
         """True if a report shows that another station or a pilot has turned the vehicle."""
@@ -96,10 +92,7 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Remove and return the proposed order.
-
-        Raises `CommandRefused` if another order, or too late a confirmation, is given.
-        """
+        """Remove and return the proposed order; `CommandRefused` for another, or too late."""
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)

@@ -31,10 +31,7 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Converts requested motions to commands for one kind of autopilot.
-
-    Motions beyond the limits are refused.
-    """
+    """Converts motions to commands of an autopilot; refuses those beyond the limits."""
 
     behaviour: Behaviour
     lowest_m: float = 20.0
@@ -46,11 +43,7 @@ class CommandWriter:
     def command(
         self, manoeuvre: Manoeuvre, *, first: bool, datum_m: float, home: HomeReport | None
     ) -> VehicleCommand:
-        """Return the command for a motion.
-
-        `datum_m` is the altitude to which heights relate [m]. Raises `CommandRefused` beyond
-        the limits.
-        """
+        """Command of a motion, heights from `datum_m` [m]; `CommandRefused` beyond limits."""
         match manoeuvre:
             case FlyThere():
                 return self._fly_there(

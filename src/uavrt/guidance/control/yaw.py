@@ -46,19 +46,16 @@ class YawWatch:
     _turns: bool = False
     _settles: bool = False
     _swept: "_Swept | None" = None
-    """Bearings of a near target since the drone came near it; None while the target is farther
-    away."""
+    """Bearings of a target since the drone came near; None while it is farther away."""
     _on_deg: float = 0.0
-    """Angle by which the heading setpoint has continued an earlier turn, since `_turn_s`
-    [°]."""
+    """Angle by which the heading setpoint continued an earlier turn, since `_turn_s` [°]."""
     _ended: bool = False
     _side_deg: float = 0.0
     """Angle from the heading to its aim at the last report, positive clockwise [°]."""
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """(time [s], heading [°], course over ground [°]) of each report in the last
-    `SAFETY.course_follow_s`."""
+    """(time [s], heading [°], course [°]) of reports in `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
     """Time from which an earlier turn may still continue [s]: that of the command, or the last
     at which the heading setpoint passed its aim."""
@@ -319,8 +316,7 @@ class RestingYaw:
 
     start_boot_s: float
     yaw_deg: float
-    """Heading that the drone should keep [°]: that at the start, or that of a turn completed
-    since."""
+    """Heading to keep [°]: that at the start, or of a turn completed since."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0

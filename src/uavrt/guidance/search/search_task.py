@@ -38,15 +38,13 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Direction of the antenna's main lobe, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses that the detector searches together; 0 to use the number set for each
-    tag."""
+    """Number of pulses that the detector searches together; 0: each tag's own."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
     """Model of the signal loss behind hills; None for level ground."""
     known: Mapping[int, TagPrior] = field(default_factory=dict)
-    """Prior for signal strength and motion of known tags, by tag id; others have the default
-    prior."""
+    """Priors for power and motion of known tags, by tag id; others have the default."""
 
 
 class SearchTask:
@@ -70,10 +68,7 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Return the search before its first pulse.
-
-        Raises `PlanError` if area, battery or settings do not permit it.
-        """
+        """Search before any pulse; `PlanError` if area, battery or settings forbid it."""
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
@@ -132,10 +127,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """Return the planner named in the settings.
-
-        The default planner also needs the duration of a turn.
-        """
+        """The settings' planner; the default one also needs the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
@@ -172,10 +164,7 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """Return the tags to search: those named in the order, or all listed ones.
-
-    Raises `PlanError` if one is unknown.
-    """
+    """Tags to search: those of the order, or all; `PlanError` if one is unknown."""
     if not listed:
         raise PlanError(
             "the drone is not searching for any tag",
@@ -192,10 +181,7 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Return the corners of a circular area around the drone.
-
-    Raises `PlanError` for a missing or invalid radius.
-    """
+    """Corners of a circle around the drone; `PlanError` without a valid radius."""
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

@@ -148,10 +148,7 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """Return the requested decision, and whether its path is assigned.
-
-        None while there is no answer.
-        """
+        """The requested decision and whether its path is assigned; None before an answer."""
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
@@ -181,10 +178,7 @@ class SharedSearch:
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Return the report on this drone's position, path and tags.
-
-        Each report begins with a different tag, because the link cuts long lists.
-        """
+        """Report of position, path and tags, from another first tag each time."""
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

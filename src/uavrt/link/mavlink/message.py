@@ -24,9 +24,7 @@ class Message:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Decode a received payload. Missing trailing zeros are restored, extra fields of a
-        newer sender ignored.
-        """
+        """Decode a payload: restore trailing zeros, ignore a newer sender's extra fields."""
         size = cls.LAYOUT.size
         return cls.unpack(payload[:size].ljust(size, b"\0"))
 

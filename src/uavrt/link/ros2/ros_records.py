@@ -50,9 +50,7 @@ def time_from_ros(time: Time) -> int | None:
 
 
 def pose_to_ros(pose: Pose | None) -> RosPose:
-    """Convert a pose to latitude (x), longitude (y) and altitude above mean sea level (z); NaN
-    without a pose.
-    """
+    """Pose as latitude (x), longitude (y), altitude above sea level (z); NaN without."""
     if pose is None:
         return UNKNOWN_POSE
     w, x, y, z = pose.quaternion_wxyz

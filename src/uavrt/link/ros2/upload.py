@@ -9,14 +9,11 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Largest number of tag ids counted per upload; without a limit, a flood of tags could fill the
-memory."""
+"""Largest number of tag ids counted per upload, so a flood fits into memory."""
 
 
 class Upload:
-    """Counts all tags that were sent since the first tag of an upload, both accepted and
-    refused.
-    """
+    """Counts the tags sent since the first of an upload, accepted or refused."""
 
     def __init__(self) -> None:
         self.open = False
@@ -43,9 +40,7 @@ class Upload:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Continue an upload of an earlier gateway process, and count one more tag that may
-        have been lost.
-        """
+        """Continue an earlier process's upload, with one more tag that may be lost."""
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)

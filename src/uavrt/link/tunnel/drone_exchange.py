@@ -75,10 +75,7 @@ class _PendingCommand:
 
 
 class Operations:
-    """Reports the progress of operations to the ground stations that started them.
-
-    `version`: protocol version that the drone sends.
-    """
+    """Reports operations to the stations that started them; `version`: of the protocol."""
 
     def __init__(self, version: int) -> None:
         self._version = version
@@ -99,9 +96,7 @@ class Operations:
         return answer
 
     def again(self) -> list[Answer]:
-        """Return the latest progress message of each running operation, to be sent once a
-        second.
-        """
+        """Latest progress message of each running operation, to be sent each second."""
         steps = (self._step(operation) for operation in self._last.values())
         return [step for step in steps if step is not None]
 
@@ -215,9 +210,7 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Encode the drone's heartbeat, sent once a second; None in generation G0, which lacks
-        it.
-        """
+        """Encode the drone's heartbeat, sent once a second; None in G0, which has none."""
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)

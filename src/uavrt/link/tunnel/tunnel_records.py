@@ -118,10 +118,7 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
 
 
 def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
-    """Make a pulse message of any generation; `record` is its class.
-
-    `others`: the fields that only this generation has. A missing prediction becomes 0.
-    """
+    """Make a `record` of any generation; `others`: fields that only this one has."""
     return record(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
@@ -136,10 +133,7 @@ def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
 
 
 def from_search_report(record: Callable[..., R], report: SearchReport, **others: float) -> R:
-    """Make the message "searched, nothing found" (status 3); `record` is its class.
-
-    `others`: the fields that only this generation has.
-    """
+    """Make a `record` of status 3, nothing found; `others`: this generation's fields."""
     return record(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
@@ -154,10 +148,7 @@ def from_search_report(record: Callable[..., R], report: SearchReport, **others:
 def pulse_to_wire(
     pulse_pose: PulsePose, generation: Generation = "G1"
 ) -> PulseG0 | PulseG1 | PulseG2v1 | PulseG2:
-    """Convert a pulse to its message; an unknown pose is NaN in every field, never zero.
-
-    Times are seconds as f64, which near 2026 resolves 0.24 µs.
-    """
+    """Convert a pulse to its message; an unknown pose is NaN in every field, never zero."""
     pulse, pose = pulse_pose.pulse, pulse_pose.pose
     latitude = math.nan if pose is None else pose.latitude_deg
     longitude = math.nan if pose is None else pose.longitude_deg
@@ -280,10 +271,7 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Number, from 1, of the tag's interval that agrees with the predicted next pulse.
-
-    The message has the start of the predicted window: the interval less its uncertainty.
-    """
+    """Number, from 1, of the tag's interval that fits the message's predicted window."""
     if message.tag_id == tag.tag_id + 1:
         return 2
     if message.predict_next_start_s == 0.0 or len(tag.pulse_intervals_s) == 1:

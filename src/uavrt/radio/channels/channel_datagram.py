@@ -1,30 +1,8 @@
 """Encode and decode channel datagrams as the original channelizer sends them.
 
-A frame of a channel is a datagram of complex64, little endian; the first element is the time
-of the first sample, the others are samples::
-
-    byte  0        4        8                16                     8200
-          +--------+--------+----------------+-- … --+--------------+
-          | seconds|   ns   |    sample 0    |       |  sample 1023 |
-          +--------+--------+----------------+-- … --+--------------+
-            u32      u32      f32 I   f32 Q
-
-The two halves of the stamp, by `StampStyle`:
-
-=================  ==========================================================================
-``seconds``        The current original: seconds since 1970 and nanoseconds, as two uint32.
-                   Read as floats they are denormal for nanoseconds below 2²³, so they are
-                   bytes here and never numbers: a copy that flushes denormals loses them.
-``milliseconds``   The thesis's: milliseconds since 1970 split at 10⁷, as two float32:
-                   ``floor(ms / 10⁷)``, ``ms mod 10⁷``; both are exact.
-=================  ==========================================================================
-
-The channelizer of the thesis and its first successors send 1024 samples in a datagram; the HF+
-decimator sends 1023. Any number is read.
-
-Ports on 127.0.0.1, for channel numbers from 1 (= the radio's centre), by `PortScheme`:
-``current``: 20000 + 2 (ch - 1), and one more for the second detector of a tag with two rates;
-``thesis``: 20000 + (ch - 1).
+A datagram is a time stamp of 8 bytes and complex64 samples; layouts and ports: the manual's
+reference of UDP formats. Read as floats, the stamp of style ``seconds`` is denormal for
+nanoseconds below 2²³. So it is bytes here, because a copy that flushes denormals would lose it.
 """
 
 import struct

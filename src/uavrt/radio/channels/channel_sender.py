@@ -23,10 +23,7 @@ class _Frame:
 
 
 class ChannelDatagramSender:
-    """Cuts channels into frames of 1024 samples and sends each frame to its channel's ports.
-
-    Sending never blocks: if the system's buffer is full, the frame is dropped and counted.
-    """
+    """Sends channels in frames of 1024 samples to their ports; drops them if blocked."""
 
     def __init__(
         self,

@@ -36,8 +36,7 @@ class Segment:
     """Position of the segment's first sample in the file [samples]."""
     count: int
     sample_index: int
-    """Index of the segment's first sample, counted from the start of the recording; lost
-    samples count as well."""
+    """Index of the segment's first sample in the recording; lost samples count."""
     time_ns: int
     lost_before: int = 0
 
@@ -92,10 +91,18 @@ class RecordingSource:
         self.name = str(layout.path)
         self.invalid_values = 0
         self.samples_lost = 0
-        self._layout = layout
+        self.layout = layout
+        """Description of the file: positions of its samples, rate, frequency and times."""
+        self.sample_rate_hz = layout.sample_rate_hz
+        self.center_frequency_hz = layout.center_frequency_hz
+        self.segments = layout.segments
+        """Parts of the recording between its gaps; the samples of each part are consecutive."""
+        self.start_time_ns = layout.segments[0].time_ns
+        """Time of the recording's first sample [ns, UTC]."""
+        self.total_samples: int | None = sum(segment.count for segment in layout.segments)
+        """Number of samples in the recording."""
         self._format = layout.sample_format
-        self._total = sum(segment.count for segment in layout.segments)
-        if self._total == 0:
+        if self.total_samples == 0:
             raise FormatError(
                 f"{layout.path} holds no samples",
                 remedy="Check the recording's size and its --format",
@@ -110,42 +117,9 @@ class RecordingSource:
         self._pending_lost = self._segment.lost_before
         self._file: SampleBytes = stored or _FileBytes(layout.path)
 
-    @property
-    def sample_rate_hz(self) -> float:
-        """Nominal sample rate [Hz]."""
-        return self._layout.sample_rate_hz
-
-    @property
-    def center_frequency_hz(self) -> float:
-        """Radio frequency at the middle of the band [Hz]."""
-        return self._layout.center_frequency_hz
-
-    @property
-    def total_samples(self) -> int | None:
-        """Number of samples in the recording."""
-        return self._total
-
-    @property
-    def start_time_ns(self) -> int:
-        """Time of the recording's first sample [ns, UTC]."""
-        return self._layout.segments[0].time_ns
-
-    @property
-    def layout(self) -> Layout:
-        """Description of the file: positions of its samples, rate, frequency and times."""
-        return self._layout
-
-    @property
-    def segments(self) -> tuple[Segment, ...]:
-        """Parts of the recording between its gaps; the samples of each part are consecutive."""
-        return self._layout.segments
-
     def skip_to(self, place: int) -> None:
-        """Continue reading at a sample; `place`: its position in the file, counted from 0.
-
-        Samples that the recording lost are not counted in `place`.
-        """
-        held = [one for one in self._layout.segments if one.count]
+        """Continue reading at a sample; `place` counts the samples in the file from 0."""
+        held = [one for one in self.layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
                 break
@@ -158,15 +132,12 @@ class RecordingSource:
     @property
     def dated_by_file(self) -> bool:
         """True if the start time was derived from the file's modification date."""
-        return self._layout.start_from == FILE_DATE
+        return self.layout.start_from == FILE_DATE
 
     @property
     def origin(self) -> str:
-        """Text that says where rate, frequency and start time come from.
-
-        Values that the user gave are left out; the text is empty if the user gave all three.
-        """
-        layout = self._layout
+        """Text on the sources of rate, frequency and start time that the user did not give."""
+        layout = self.layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
             (f"{layout.sample_rate_hz:.0f} samples a second", layout.rate_from),
@@ -181,7 +152,7 @@ class RecordingSource:
             self._next_segment()
         segment, size = self._segment, self._format.bytes_per_sample
         count = min(len(self._samples), segment.count - self._done)
-        offset = self._layout.first_byte + (segment.first + self._done) * size
+        offset = self.layout.first_byte + (segment.first + self._done) * size
         self._fill(offset, count * size)
         samples = self._samples[:count]
         if not self._format.in_place:
@@ -207,9 +178,9 @@ class RecordingSource:
     def _next_segment(self) -> None:
         following = next(self._segments, None)
         if following is None:
-            if self._layout.fault_at_end is not None:
+            if self.layout.fault_at_end is not None:
                 raise FormatError(
-                    self._layout.fault_at_end,
+                    self.layout.fault_at_end,
                     remedy="Check whether the file is truncated or in another format; "
                     "all complete samples were used",
                 )
@@ -232,10 +203,7 @@ class RecordingSource:
 
 
 def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text that names the file's name as the source of a value.
-
-    It also states the time zone of a time and the rounding of a frequency.
-    """
+    """Text on the file's name as a source, with a time's zone or a frequency's rounding."""
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -281,11 +249,7 @@ def raw_layout(
     rate_from: str = GIVEN_BY_USER,
     start_from: str = GIVEN_BY_USER,
 ) -> Layout:
-    """Describe a file of raw samples.
-
-    The arguments `frequency_from`, `rate_from` and `start_from` say where each value comes
-    from.
-    """
+    """Describe a raw file; the arguments ``…_from`` say where each value comes from."""
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

@@ -20,8 +20,7 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """The radio is missing, in use, or access to it is denied; the program's message is the
-    same for all three."""
+    """The radio is missing, in use or forbidden; the program's message is the same."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()
@@ -69,8 +68,7 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Known messages of radio programs: program, part of its output, and the cause that this shows.
-The first entry that matches counts."""
+"""Known messages: program, part of its output, and the cause; the first match counts."""
 
 
 _NOT_LISTED = (

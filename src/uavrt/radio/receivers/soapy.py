@@ -27,8 +27,7 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Maximum difference between a driver's time stamp and the expected time that counts as
-rounding and not as a gap [s]."""
+"""Maximum difference of a driver's time from the expected one that is no gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
 """Maximum accepted difference between the requested and the actual radio frequency [Hz]."""
@@ -37,10 +36,7 @@ log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Reads samples through a SoapySDR driver.
-
-    The setting `serial` is a serial number or a device string such as ``driver=lime``.
-    """
+    """Reads samples by SoapySDR; `serial`: a number or a device string (``driver=lime``)."""
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 
@@ -66,7 +62,7 @@ class SoapySource(LiveSource):
         self._device_ns: int | None = None
         """Expected time of the next sample by the radio's own clock [ns]; None if unknown."""
         self._stall_s = stall_s
-        self._samples = np.zeros(block_length(self._rate_hz), np.complex64)
+        self._samples = np.zeros(block_length(self.sample_rate_hz), np.complex64)
         self._filled = self._given = 0
         self._last_s = monotonic_s()
         self._settings = settings
@@ -80,13 +76,10 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Configure the radio and check the values in effect.
-
-        Drivers may select the nearest supported value in place of the requested one.
-        """
+        """Configure the radio and check the values in effect, which may be the nearest ones."""
         device, settings = self._device, self._settings
-        device.setSampleRate(_RX, 0, self._rate_hz)
-        if abs(device.getSampleRate(_RX, 0) / self._rate_hz - 1.0) > _SAME:
+        device.setSampleRate(_RX, 0, self.sample_rate_hz)
+        if abs(device.getSampleRate(_RX, 0) / self.sample_rate_hz - 1.0) > _SAME:
             raise self._error("sample rate")
         asked_hz = center_frequency_hz / (1.0 + settings.frequency_correction_ppm * 1e-6)
         device.setFrequency(_RX, 0, asked_hz)
@@ -117,7 +110,7 @@ class SoapySource(LiveSource):
         self._samples[: self._filled - self._given] = self._samples[self._given : self._filled]
         self._filled -= self._given
         self._given = 0
-        while self._filled < len(self._samples) and not self._placer.samples_before_cut:
+        while self._filled < len(self._samples) and not self._placer.cut:
             now_s = monotonic_s()
             if deadline_s is not None and now_s > deadline_s:
                 return None
@@ -158,14 +151,14 @@ class SoapySource(LiveSource):
             self._device_ns = None
             return
         if self._device_ns is not None:
-            ahead = round((time_ns - self._device_ns) * 1e-9 * self._rate_hz)
-            if ahead > max(_ROUNDING_S * self._rate_hz, 2):
+            ahead = round((time_ns - self._device_ns) * 1e-9 * self.sample_rate_hz)
+            if ahead > max(_ROUNDING_S * self.sample_rate_hz, 2):
                 self._placer.add_lost(ahead, self._filled)
-        self._device_ns = time_ns + ns_from_s(result.ret / self._rate_hz)
+        self._device_ns = time_ns + ns_from_s(result.ret / self.sample_rate_hz)
 
     def _block(self) -> IQBlock:
         self._placer.settle()
-        first = self._placer.samples_before_cut
+        first = self._placer.cut
         self._given = first if 0 < first < self._filled else self._filled
         return self._placer.place(self._samples[: self._given])
 

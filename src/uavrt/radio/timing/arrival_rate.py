@@ -17,8 +17,7 @@ _PERIODS: Final = 5
 _TOLERANCE: Final = 0.02
 """Relative error of the sample rate above which it is reported as wrong."""
 _SETTLED: Final = 0.01
-"""Relative error of the sample rate below which a rate reported as wrong counts as correct
-again."""
+"""Relative error below which a rate reported as wrong counts as correct again."""
 _CAUGHT_UP_S: Final = 0.03
 """Delay in excess of that before a pause, below which the sender has caught up [s]. It is
 smaller than the change of the delay over `_PERIODS` that is reported."""
@@ -41,10 +40,7 @@ class ArrivalRate:
         """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add the number of samples that were received up to a time.
-
-        `full`: the buffer was full, so the sender had to wait; such arrivals are not used.
-        """
+        """Add samples received up to a time; not used if `full`, as the sender had to wait."""
         if full:
             return
         if self._first_ns is None:

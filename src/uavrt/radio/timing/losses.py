@@ -27,8 +27,7 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum length of a cell [s]: a period for which the smallest lateness of arrivals is stored.
-USB transfers last 5 to 65 ms."""
+"""Minimum length of a cell of arrivals [s]; USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Greatest relative amount by which the clock of a radio may be slow; arrivals that become
 later more quickly than this show lost samples."""
@@ -37,53 +36,43 @@ HALVED_S: Final = 0.036
 """Longest loss at the edge of a transfer that is placed half before and half after the edge
 [s], so that no sample's time is wrong by more than half of the loss."""
 _CELLS: Final = 100
-"""Number of stored cells (periods of 20 ms, each with its smallest lateness of arrivals): two
-seconds."""
+"""Number of stored cells (smallest lateness in each 20 ms): two seconds."""
 _WINDOW_S: Final = 1.0
 """Longest period of late arrivals that is examined for a loss [s]. The period is extended to
 `_WINDOW_CELLS` cells if the radio's program writes long blocks at once; by default rtl_sdr
 writes half a second at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Minimum number of late cells (periods of 20 ms or more) that shows a loss; two stalls make
-fewer cells late."""
+"""Minimum number of late cells that shows a loss; two stalls make fewer late."""
 _NEWEST: Final = 4
-"""Number of newest cells (periods of 20 ms or more) that determine the present lateness of
-arrivals."""
+"""Number of newest cells that determine the present lateness of arrivals."""
 _QUIET_S: Final = 1.0
-"""Time after a loss in which the usual lateness is not updated, because arrivals may still show
-a further part of the loss [s]."""
+"""Time after a loss in which the usual lateness is not updated [s]."""
 _EVIDENCE: Final = 14.0
 """Log odds above which late arrivals count as a loss and not as jitter: a false alarm in one of
 10⁶ tests. There are 40 mostly dependent tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""Log odds above which late arrivals count as a loss and not as jitter within `_KNOWN_S` after
-a known loss."""
+"""Log odds above which lateness within `_KNOWN_S` of a known loss is a loss too."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Minimum lateness of arrivals above jitter that shows a loss [s]; a drift of the clock causes
-less."""
+"""Minimum lateness above jitter that shows a loss [s]; clock drift causes less."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of the lateness with time [s/s] above which the radio's program is slow and no samples
-are lost."""
+"""Rise of lateness [s/s] above which the radio's program is slow, without losses."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness of arrivals above which a loss of samples is suspected [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum fraction of the lateness that arises within `_BEFORE_S` if samples were lost in one
-step; a smaller fraction shows a drift."""
+"""Minimum share of lateness within `_BEFORE_S` of a step; a smaller one is a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Fraction of samples lost in the last `_SHARE_S` above which the loss cannot be a clock error
-(800 ppm)."""
+"""Fraction lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Length of the periods in which the smallest delay of arrivals is stored to measure a source's
-speed [s]."""
+"""Length of the periods for measuring a source's speed by smallest delays [s]."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods that are ignored when a source's speed is measured, because the
 source may still catch up after a stall in them."""
@@ -93,18 +82,15 @@ below which the delays rise evenly, as those of a slow source do. Sources at 0.9
 real time have a scatter of 0.1 to 0.5 in the shorter and 0.1 to 0.9 in the longer period, even
 on a busy computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
-"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` above which delays rise in steps,
-as by lost samples."""
+"""Ratio of the delays' scatter to its limit above which they rise in steps (losses)."""
 _SLOW_RATE: Final = 0.003
-"""Rise of the delay of arrivals with time [s/s] above which a source may be slower than real
-time."""
+"""Rise of the delays [s/s] above which a source may be slower than real time."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
 """Fraction of the rise of the delays that is added to `_SCATTER_S`. The scatter of the delays
 is divided by the sum, which makes it relative."""
 _STEP: Final = 2.0
-"""Minimum ratio of the step in the delay of arrivals at a loss to the rises of the delay before
-and after it."""
+"""Minimum ratio of a loss's step in delay to the rises before and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,14 +99,11 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Position in the stream at which the late arrivals begin [s]: number of samples divided by
-    the nominal rate."""
+    """Position where the late arrivals begin [s]: samples over the nominal rate."""
     sharp: bool
-    """True if the delay of arrivals rose within half a second, as at a step; False for a
-    drift."""
+    """True if the delay rose within half a second, as at a step; False for a drift."""
     inside_s: float
-    """Length of the late transfer if the loss lies inside it [s]; 0 if the loss lies before the
-    transfer."""
+    """Length of the late transfer if the loss is inside it [s]; 0 if it is before."""
     sure: bool
     """False if the delay of arrivals rose so slowly that a wrong clock rate may explain it."""
 
@@ -131,8 +114,7 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if the samples of this period arrived in real time; False while the sender caught
-    up."""
+    """True if these samples arrived in real time; False while the sender caught up."""
     single: bool
     """True if all samples of this period arrived at once, in one transfer."""
 
@@ -148,8 +130,7 @@ class SourcePace:
         self._delays: deque[tuple[float, float]] = deque()
         """Nominal time of each period and its smallest delay [s], not corrected for losses."""
         self.slow = False
-        """True once the delays of arrivals have risen evenly, which shows that the source is
-        slower than real time."""
+        """True once delays have risen evenly: the source is slower than real time."""
         self.stepped = self.still = False
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
@@ -172,10 +153,7 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit a line to the smallest delays; return its slope [s/s] and the relative scatter.
-
-        A delay that later arrivals make up for is a stall and is ignored.
-        """
+        """Fit slope [s/s] and relative scatter of the smallest delays, without stalls."""
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]
@@ -209,15 +187,13 @@ class LossFinder:
         if arrivals have been late for too long, None if they are not late."""
         self._falls = 0
         self._usual_s = 0.001
-        """Typical smallest lateness of arrivals in four cells, relative to the earliest
-        arrivals [s]."""
+        """Typical smallest lateness in four cells, relative to the earliest arrivals [s]."""
         self._cells: deque[_Cell] = deque(maxlen=_CELLS)
         self._from: tuple[float, float] | None = None
         self._lowest_s = math.inf
         self._newest_at_s = 0.0
         self._late_from_s: float | None = None
-        """Position at which the present late arrivals begin [nominal s]; None if arrivals are
-        not late."""
+        """Position where the present late arrivals begin [nominal s]; None if not late."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
@@ -384,10 +360,7 @@ class LossFinder:
         return self._loss(best)
 
     def _has_settled(self, count: int) -> bool:
-        """True if the lateness has been constant for long enough after its rise.
-
-        A stall makes the lateness rise only briefly.
-        """
+        """True if the lateness is constant since its rise, unlike that of a stall."""
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count

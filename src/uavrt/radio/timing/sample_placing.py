@@ -18,8 +18,7 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum time for which samples beyond a full block are held back until it is certain whether
-samples were lost [s]: two transfers."""
+"""Maximum time for which samples wait for a decision on a loss [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Maximum time between arrivals that belong to one write of the radio's program [ns]."""
@@ -28,8 +27,7 @@ _LONG_WRITE_S: Final = 0.040
 write the loss is placed at the end, so that the times of samples before the loss are
 correct."""
 _LEAST_S: Final = 0.001
-"""Minimum duration of the samples before a late arrival that are passed on as a separate block
-[s]."""
+"""Minimum duration before a late arrival that is passed on as its own block [s]."""
 
 log = get_logger()
 
@@ -78,9 +76,8 @@ class Placer:
         """True if arrivals show a sample rate; False for a file on standard input."""
         self._before = 0
         """Number of samples lost just before the samples that are held back."""
-        self._cut = 0
-        """Number of held samples that arrived before a late arrival; they are passed on as a
-        separate block."""
+        self.cut = 0
+        """Number of waiting samples to pass on as a block before a possible loss; 0 if none."""
         self._after_cut = 0
         self._burst: _Arrival | None = None
         self._last: tuple[int, int] | None = None
@@ -129,10 +126,7 @@ class Placer:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Register that `held` samples have arrived by a time [ns, UTC].
-
-        `full`: the buffer is full and the sender has to wait, so its rate cannot be measured.
-        """
+        """Register `held` samples by a time [ns, UTC]; `full`: not paced, the sender waits."""
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
             return
@@ -153,22 +147,14 @@ class Placer:
             self._learn(burst, False)
         return not (self._keeper.undecided or self._keeper.may_suspect)
 
-    @property
-    def samples_before_cut(self) -> int:
-        """Number of waiting samples to pass on as a block before a possible loss; 0 if none."""
-        return self._cut
-
     def add_lost(self, samples: int, held: int = 0) -> None:
-        """Add a number of lost samples that the radio reports.
-
-        `held`: number of waiting samples that arrived before the loss.
-        """
+        """Add a loss that the radio reports; `held` waiting samples arrived before it."""
         left = self._keeper.skip(samples)
         if left <= 0:
             return
-        if held > 0 and not self._cut:
-            self._cut = held
-        if self._cut:
+        if held > 0 and not self.cut:
+            self.cut = held
+        if self.cut:
             self._after_cut += left
         else:
             self._before += left
@@ -180,7 +166,7 @@ class Placer:
     def place(self, samples: NDArray[np.complex64]) -> IQBlock:
         """Make a block of samples with its index, its time and the number of samples lost."""
         lost, unsure = self._before, self._keeper.unsure_samples - self.unsure
-        self._before, self._after_cut, self._cut = self._after_cut, 0, 0
+        self._before, self._after_cut, self.cut = self._after_cut, 0, 0
         self.index += lost
         if lost:
             unsure = min(unsure, lost)
@@ -237,14 +223,14 @@ class Placer:
         )
         lost = keeper.lost_samples()
         self._inferred += lost
-        if lost and self._suspect_cut and not self._cut and keeper.inside < arrival.held:
-            self._cut = keeper.inside
-            if self._cut and lost < HALVED_S * self._rate_hz:
+        if lost and self._suspect_cut and not self.cut and keeper.inside < arrival.held:
+            self.cut = keeper.inside
+            if self.cut and lost < HALVED_S * self._rate_hz:
                 self._before += lost // 2
                 self._after_cut -= lost // 2
-            elif self._cut > _LONG_WRITE_S * self._rate_hz:
-                self._cut //= 2
-        if self._cut:
+            elif self.cut > _LONG_WRITE_S * self._rate_hz:
+                self.cut //= 2
+        if self.cut:
             self._after_cut += lost
         else:
             self._before += lost
@@ -255,5 +241,5 @@ class Placer:
         elif not self._suspect_cut:
             self._suspect_cut = True
             before = keeper.suspect_index - self.index - self._before
-            if before > _LEAST_S * self._rate_hz and not self._cut:
-                self._cut = min(before, arrival.held)
+            if before > _LEAST_S * self._rate_hz and not self.cut:
+                self.cut = min(before, arrival.held)

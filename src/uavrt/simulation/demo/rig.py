@@ -57,10 +57,7 @@ class SimulatedDrone:
 
 
 class Rig:
-    """Starts programs, and ends them all when its `with` block ends.
-
-    `flavour`: kind of autopilot that the drones simulate.
-    """
+    """Starts programs, and ends them with its block; `flavour`: simulated autopilots."""
 
     def __init__(self, flavour: Flavour = "px4") -> None:
         self._stack, self._flavour = ExitStack(), flavour

@@ -1,6 +1,4 @@
-"""Run ``uavrt demo --search --drones``: several simulated drones search together by
-themselves.
-"""
+"""Run ``uavrt demo --search --drones``: several simulated drones search together."""
 
 import math
 import threading

@@ -170,10 +170,7 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of the processes.
-
-        `narrow`: show two processes in each row, and the status of faulty processes only.
-        """
+        """Table of processes; `narrow`: two in a row, with the status of faulty ones only."""
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []

@@ -13,8 +13,7 @@ from uavrt.core.clock import Clock
 from uavrt.core.errors import LinkError
 
 SO_TIMESTAMPNS = 35
-"""Linux socket option that returns arrival times; Python's `socket` module has it only from
-version 3.14."""
+"""Linux option for arrival times; in Python's `socket` only from 3.14."""
 RECEIVE_BUFFER = 1 << 20
 _TIMESPEC = struct.Struct("@ll")
 

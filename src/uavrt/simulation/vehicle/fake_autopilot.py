@@ -21,7 +21,7 @@ from uavrt.core.messages import Pose
 from uavrt.core.units import ns_from_s, s_from_ns
 from uavrt.link.mavlink import dialect
 from uavrt.link.mavlink.dialect import MavCmd, MavProtocolCapability, MavResult
-from uavrt.link.mavlink.discovery import GCS_SYSTEM_ID, Peer
+from uavrt.link.mavlink.discovery import Peer
 from uavrt.link.mavlink.frame import Frame, FrameParser, FrameWriter
 from uavrt.link.mavlink.message import Message
 from uavrt.simulation.vehicle.airframe import Flavour
@@ -39,8 +39,11 @@ from uavrt.simulation.vehicle.commanded_vehicle import (
 from uavrt.simulation.vehicle.datagrams import DatagramPort
 from uavrt.simulation.vehicle.forwarding import ForwardRing, Impairment, Routes
 from uavrt.simulation.vehicle.mission_store import MissionStore
-from uavrt.simulation.vehicle.telemetry import default_intervals_ns, telemetry_message
-from uavrt.simulation.vehicle.vehicle_telemetry import home_message
+from uavrt.simulation.vehicle.vehicle_telemetry import (
+    default_intervals_ns,
+    home_message,
+    telemetry_message,
+)
 
 log = get_logger()
 
@@ -50,9 +53,6 @@ BUSY_WAKE_S = 0.004
 IDLE_WAKE_S = 0.010
 HEARTBEAT_NS = ns_from_s(1.0)
 TIMESYNC_NS: dict[Flavour, int] = {"px4": ns_from_s(0.1), "ardupilot": ns_from_s(10.0)}
-OPERATOR_SILENCE_NS = ns_from_s(5.0)
-"""Time without messages from the ground station that triggers ArduPilot's failsafe [ns]
-(FS_GCS_TIMEOUT; 10 s with PX4)."""
 CAPABILITIES = (
     MavProtocolCapability.MISSION_INT
     | MavProtocolCapability.COMMAND_INT
@@ -98,13 +98,11 @@ class AutopilotSettings:
     armed: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
     flies: bool = False
-    """True to hover at the start of the flight and obey commands; False to fly the scenario's
-    flight."""
+    """True to hover at first and obey commands; False to fly the scenario's flight."""
     sticks: bool = False
     """True to simulate a remote control that is switched on, with its sticks centred."""
     on_ground: bool = False
-    """True if the vehicle is at first on the ground and waits to be armed; only with
-    `flies`."""
+    """True to begin on the ground and wait for arming; only with `flies`."""
     path: Path | None = None
     """File to which a commanded vehicle writes its path, for the simulated radio."""
 
@@ -142,7 +140,6 @@ class FakeAutopilot:
         self._clock = clock
         self.parameters = AutopilotParameters(settings.flavour, settings.parameters)
         self.missions = MissionStore(settings.flavour)
-        self._operator_heard_ns: int | None = None
         self._booted_ns = clock.now_ns() - ns_from_s(settings.boot_time_s)
         self._silent_until_ns = 0
         self._heartbeat_ns = 0
@@ -217,21 +214,6 @@ class FakeAutopilot:
         elapsed = boot_ns / (1 + self._settings.clock_skew_ppm * 1e-6)
         return self._booted_ns + round(elapsed)
 
-    def operator_lost(self, now_ns: int) -> bool:
-        """True if the failsafe for a lost ground station would trigger."""
-        heard_ns = self._operator_heard_ns
-        return heard_ns is not None and now_ns - heard_ns > OPERATOR_SILENCE_NS
-
-    def _is_operator(self, message: dialect.Heartbeat, frame: Frame) -> bool:
-        """True if a heartbeat is that of the operator's ground station.
-
-        PX4 checks the type in the heartbeat, and ArduPilot compares the system id with
-        MAV_GCS_SYSID.
-        """
-        if self._px4:
-            return message.type == dialect.MavType.GCS
-        return frame.system_id == GCS_SYSTEM_ID
-
     def counters(self) -> dict[str, int]:
         """Counts of messages forwarded and lost."""
         return {
@@ -286,8 +268,6 @@ class FakeAutopilot:
             return
         side.routes.saw(frame)
         message = frame.message()
-        if isinstance(message, dialect.Heartbeat) and self._is_operator(message, frame):
-            self._operator_heard_ns = arrival_ns
         system_id = getattr(message, "target_system", 0)
         component_id = getattr(message, "target_component", 0)
         own = (self._settings.system_id, 1)

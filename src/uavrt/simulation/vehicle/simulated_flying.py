@@ -31,17 +31,14 @@ HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
 """Total correction of home's altitude, spread of single ones, and the smallest one [m]."""
 DO_PAUSE_CONTINUE = 193
-"""Number of the command by which ground stations pause a flight; uavrt itself never sends
-it."""
+"""Command by which ground stations pause a flight; uavrt never sends it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
 """Time from the take-off command until the vehicle leaves the ground [s]."""
 IDLE_S = 10.0
-"""Time after which an armed vehicle on the ground disarms [s] (COM_DISARM_PRFLT,
-DISARM_DELAY)."""
+"""Time until an armed vehicle on the ground disarms [s] (COM_DISARM_PRFLT, DISARM_DELAY)."""
 NOT_GIVEN = 2**31 - 1
-"""Value INT32_MAX, which marks a latitude or longitude as not given, like NaN in a
-COMMAND_LONG."""
+"""INT32_MAX: a latitude or longitude not given, like NaN in a COMMAND_LONG."""
 
 
 class GroundContact:
@@ -117,8 +114,7 @@ class FlyingVehicle:
         self.mode, self.armed = MODES[flavour]["position"], armed
         self.target: Target | None = None
         self.paused = False
-        """True while paused by DO_PAUSE_CONTINUE. ArduCopter does not report it: mode and
-        target stay the same."""
+        """True while paused by DO_PAUSE_CONTINUE, which ArduCopter does not report."""
         self.taking_off = False
         """True from a take-off to the next command; ArduPilot reports no target meanwhile."""
         self.takeoff_height_m = 2.5

@@ -33,10 +33,7 @@ class GroundStations:
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Set the station in command from a command's source, ``mavlink SYSTEM/COMPONENT``.
-
-        Other sources are ignored.
-        """
+        """Set the station in command from a source ``mavlink SYSTEM/COMPONENT``, no other."""
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
@@ -64,10 +61,7 @@ class GroundStations:
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
-        """True if the rate limits allow a file request.
-
-        If the drone has a key, unauthenticated stations have a lower limit while `detecting`.
-        """
+        """True if the limits allow a file request; stricter without a seal if `detecting`."""
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
@@ -81,10 +75,7 @@ class GroundStations:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Time since each station's last message [s].
-
-        For a station that sends sealed (authenticated) messages, only these count.
-        """
+        """Time since each station's last message, sealed if it seals any [s]."""
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:

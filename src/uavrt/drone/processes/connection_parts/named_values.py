@@ -3,6 +3,7 @@
 The values are sent at a low rate, and only when no pulse waits.
 """
 
+import string
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 
@@ -10,17 +11,17 @@ from uavrt.config.settings import NamedValuesName
 from uavrt.core.messages import Pulse
 from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.dialect import NamedValueFloat
-from uavrt.link.mavlink.sending.named_value import value_name
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two NAMED_VALUE_FLOAT messages [ns]; at this rate they take a tenth of the
-slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age from which an unsent SNR and pulse count is dropped [ns]; the next pulse brings newer
-ones."""
+"""Age at which an unsent SNR and count is dropped [ns]; newer ones follow."""
 NS_PER_MS = 1_000_000
+NAME_BYTES = 10
+DECIMAL_BELOW = 10 ** (NAME_BYTES - len("SNR_"))
+_DIGITS = string.digits + string.ascii_uppercase
 
 
 class NamedValues:
@@ -103,3 +104,18 @@ class NamedValues:
         stale = [tag for tag, (at_ns, _) in self._news.items() if now_ns - at_ns > FRESH_NS]
         for tag_id in stale:
             del self._news[tag_id]
+
+
+def value_name(kind: str, tag_id: int) -> str:
+    """Return the name of a tag's value in at most ten bytes, such as ``SNR_2``.
+
+    Ids of up to six digits are written in decimal. A longer id is written in base 36 without
+    the underscore (``SNRLFLS`` is tag 1 000 000).
+    """
+    if tag_id < DECIMAL_BELOW:
+        return f"{kind}_{tag_id}"
+    digits = ""
+    while tag_id:
+        tag_id, digit = divmod(tag_id, len(_DIGITS))
+        digits = _DIGITS[digit] + digits
+    return kind + digits

@@ -29,11 +29,9 @@ from uavrt.localization.pose.ring import PoseRing
 log = get_logger()
 
 POSE_PERIOD_NS = 50_000_000
-"""Time between two recorded poses [ns]. Interpolation over 50 ms has an error below 0.1° when a
-turn of 60°/s starts."""
+"""Time between recorded poses [ns]; wrong by below 0.1° as a 60°/s turn starts."""
 OWN_POSE_PERIOD_NS = 250_000_000
-"""Time between two recorded poses of a station without autopilot [ns]; it turns more slowly
-than a drone."""
+"""Time between recorded poses of a station without autopilot [ns]."""
 REPORT_PERIOD_NS = NANOSECONDS_PER_SECOND
 """Time between two reports of the position of a station without autopilot [ns]."""
 RECORD_NS = ns_from_s(TOPICS["poses"].every_s or 0.5)
@@ -128,10 +126,7 @@ class PoseCollector:
         self._ring.add_attitude(replace(sample, time_ns=sample.time_ns + self.shift_ns))
 
     def position(self, sample: PositionSample) -> None:
-        """Add a position, whose time is in the clock of this process.
-
-        Record the poses that can now be interpolated.
-        """
+        """Add a position, by this process's clock; record the poses now interpolable."""
         self._ring.add_position(replace(sample, time_ns=sample.time_ns + self.shift_ns))
         newest_ns = self._ring.newest_ns
         if newest_ns is None:
@@ -180,10 +175,7 @@ class PoseCollector:
         return replace(pose, extrapolated=True)
 
     def missing(self) -> str | None:
-        """Return a text on what the station's own pose lacks, or None.
-
-        Report a changed text to the operator.
-        """
+        """What the own pose lacks, or None; a change is reported to the operator."""
         assert self._own is not None
         missing = self._own.status
         if missing != self._missing:

@@ -28,8 +28,7 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose undelivered pulses are still sent; the recorder has the same
-limit."""
+"""Number of flights whose undelivered pulses are sent; as for the recorder."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
 """Time for which the last `RECENT` delivered pulses are remembered [ns]. The recorder commits
@@ -85,10 +84,7 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a station's receipt; return (valid, round trip).
-
-        The first is True for a confirmed station, the second is a time [s] or None.
-        """
+        """Handle a receipt; return (station is confirmed, round trip [s] or None)."""
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:
@@ -109,8 +105,6 @@ class PulseOutlet:
         unsent pulses from disk.
         """
         self._delivered(PLAIN, self.sender.pulses.sent_plain(), now_ns)
-        for number, key in self.sender.settled():
-            self._delivered(number, [key], now_ns)
         due = now_ns >= self._next_refill_ns and not self._reading
         store = self.sender.pulses.wanted() if due else None
         if store is not None:

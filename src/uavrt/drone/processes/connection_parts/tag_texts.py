@@ -13,10 +13,7 @@ or two missed groups of pulses."""
 
 
 class TagTexts:
-    """Decides when to report that a tag is received.
-
-    A text that could not be sent is due again at the next pulse.
-    """
+    """Decides when to report a tag; an unsent text is due again at the next pulse."""
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)
@@ -36,10 +33,7 @@ class TagTexts:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Handle a pulse; return the text to send about its tag, or None.
-
-        Only confirmed pulses count.
-        """
+        """Handle a pulse; return the text about its tag, None if it is not confirmed or due."""
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id

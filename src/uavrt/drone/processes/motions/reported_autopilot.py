@@ -5,8 +5,7 @@ from math import inf
 
 from uavrt.guidance.autopilot_behaviour import AutopilotName
 from uavrt.link.mavlink import dialect
-from uavrt.link.mavlink.autopilot.vehicle_messages import kind_of
-from uavrt.link.mavlink.autopilot.wind import wind_of
+from uavrt.link.mavlink.autopilot.vehicle_messages import kind_of, wind_of
 from uavrt.link.mavlink.discovery import Peer, request_message
 from uavrt.link.mavlink.links.address import Address
 from uavrt.link.mavlink.message import Message

@@ -24,10 +24,7 @@ class StallWatch:
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Note that the process runs; return the time since the previous call [s].
-
-        `turn` is True once in each pass of the main loop.
-        """
+        """Return the time since the previous call [s]; `turn`: once in each main loop pass."""
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:
@@ -38,8 +35,5 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """True if silence of the autopilot is real.
-
-        After a pause this is False for `SAFETY.stall_s`, or until all messages are read.
-        """
+        """True if silence is real: all is read after a pause, or `SAFETY.stall_s` passed."""
         return not self.late or now_s >= self._silence_counts_from_s

@@ -12,10 +12,7 @@ PERIOD_NS = ns_from_s(30.0)
 
 
 class HealthFilter:
-    """Selects the health reports that are recorded.
-
-    The last one of each process is always among them.
-    """
+    """Selects the health reports to record, among them each process's last one."""
 
     def __init__(self) -> None:
         self._recorded: dict[str, Health] = {}

@@ -21,8 +21,7 @@ _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Queued work: the search object, a block of the radio's band and one of the tags' band (None
-if not needed)."""
+"""Work: search, a block of the radio's band, one of the tags' band (or None)."""
 
 
 class BeepListener:

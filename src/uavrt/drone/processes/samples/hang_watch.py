@@ -24,10 +24,7 @@ class SearchHangs(RuntimeError):
 
 
 class HangWatch:
-    """Context that raises `SearchHangs` if one step of the search takes too long.
-
-    `turn` returns the present step, as a different object for each step.
-    """
+    """Context that raises `SearchHangs` for a long step; `turn` returns the present one."""
 
     def __init__(self, turn: Callable[[], object]) -> None:
         self._turn = turn

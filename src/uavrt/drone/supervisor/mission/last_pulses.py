@@ -12,28 +12,24 @@ class LastPulses:
     """Counts the pulses that were forwarded without a pose and not yet again with one."""
 
     def __init__(self) -> None:
-        self._waiting = 0
+        self.waiting = 0
+        """Number of pulses still without a pose, even if a killed process has lost them."""
         self._posed = asyncio.Event()
         self._posed.set()
 
-    @property
-    def waiting(self) -> int:
-        """Number of pulses still without a pose, even if a killed process has lost them."""
-        return self._waiting
-
     def flight_started(self) -> None:
         """Reset the count for a new flight."""
-        self._waiting = 0
+        self.waiting = 0
         self._posed.set()
 
     def passed(self, topic: str) -> None:
         """Count a forwarded record: a pulse adds one, a pulse with pose subtracts one."""
         if topic == FOUND:
-            self._waiting += 1
+            self.waiting += 1
             self._posed.clear()
-        elif topic == POSED and self._waiting:
-            self._waiting -= 1
-            if not self._waiting:
+        elif topic == POSED and self.waiting:
+            self.waiting -= 1
+            if not self.waiting:
                 self._posed.set()
 
     async def posed_within(self, limit_s: float) -> bool:

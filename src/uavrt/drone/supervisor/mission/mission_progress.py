@@ -13,16 +13,14 @@ from uavrt.core.messages import FlightInfo, Health, Operation
 CAPTURED, NOT_CAPTURED = "captured", "not captured"
 """Status texts by which the receiver reports the end of a raw capture."""
 NO_SAMPLES_LIMIT_S = 30.0
-"""Time without samples, after a raw capture's planned length, at which the capture fails
-[s]."""
+"""Time without samples, beyond its planned end, at which a raw capture fails [s]."""
 
 NO_SAMPLES = "the radio delivers no samples. Check that it is plugged in"
 FEW_SAMPLES = "the radio delivers too few samples. Check its cable, or set a lower sample rate"
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or record less"
 
 _LONGEST_CAPTURE = 3.0
-"""Longest extension of a raw capture whose samples arrive slowly, as a multiple of its
-length."""
+"""Longest extension of a raw capture that arrives slowly, in planned lengths."""
 
 
 class FlightProgress:

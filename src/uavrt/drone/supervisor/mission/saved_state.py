@@ -46,10 +46,7 @@ class StateStore(KeptFile[SavedState]):
         self._lock: int | None = None
 
     def claim(self) -> None:
-        """Lock the directory; raises `ConfigError` if another supervisor holds the lock.
-
-        The kernel releases the lock when this process ends.
-        """
+        """Lock the directory until the process ends; `ConfigError` if it is locked."""
         import fcntl  # not where Windows runs the page, which reads the state
 
         try:

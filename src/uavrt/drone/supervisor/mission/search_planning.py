@@ -38,8 +38,7 @@ class TuningRequest:
     center_frequency_hz: float | None = None
     """Frequency set by the operator [Hz]; None if one must be computed."""
     spare_cores: int | None = None
-    """Number of processor cores that the search may use; None if its cost need not be
-    checked."""
+    """Number of cores that the search may use; None: its cost is not checked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,7 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.drone.card import clock_fault
 
 REPORTED_CORRECTION_S = 0.5
-"""Smallest correction of the computer's clock that is reported [s]; NTP slews at most 0.5 s in
-17 minutes."""
+"""Smallest reported clock correction [s]; NTP slews at most 0.5 s in 17 minutes."""
 REPEAT_AFTER_S = 15.0
 """Time after which a wrong clock is reported again [s], for stations that connect later. It is
 longer than the 10 s in which repeated texts are suppressed."""

@@ -28,14 +28,11 @@ PING_S = 2.0
 SILENCE_S = 3.0
 """Silence after which the fork server is killed [s]; it is checked every `PING_S`."""
 IMPORT_S = 20.0
-"""Longest silence of the fork server while it imports modules [s]; imports take 0.6 s of CPU
-time."""
+"""Longest silence of the importing fork server [s]; imports take 0.6 s of CPU."""
 FIRST_WAIT_S = 10.0
-"""Longest time that the first processes wait for the fork server's imports [s]; then they start
-without it."""
+"""Longest wait for the fork server's imports [s]; then processes start without it."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment variables that limit BLAS to one thread, because more would compete for few
-cores."""
+"""Environment that limits BLAS to one thread; more would compete for few cores."""
 
 
 class Launcher:
@@ -76,10 +73,7 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Return a descriptor that is readable if the fork server has answered or ended.
-
-        None if it does not run.
-        """
+        """Descriptor readable once the fork server answers or ends; None without it."""
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
@@ -104,10 +98,7 @@ class Launcher:
         self._restarts.started(self._asked_s)
 
     def tend(self) -> str | None:
-        """Check the fork server, and restart it when due.
-
-        If it has ended, return the reason, else None.
-        """
+        """Check the fork server, restart it when due; return why it ended, or None."""
         now_s = monotonic_s()
         if self._process is None:
             if now_s >= self._restarts.not_before_s:
@@ -163,10 +154,7 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own process group; return the process id.
-
-        The caller must reap the process.
-        """
+        """Start ``python -m MODULE`` in its own group; return its id, to be reaped."""
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -186,10 +174,7 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Return a file descriptor that becomes readable when the process ends.
-
-        Raises `OSError` if that is impossible.
-        """
+        """Descriptor readable once the process ends; `OSError` if that is impossible."""
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:

@@ -8,8 +8,7 @@ class RestartPolicy:
     """Delays before the restarts of a process, and when it counts as degraded."""
 
     delays_s: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 5.0)
-    """Delays before the first, second, … restart in a row [s]; the last delay applies to all
-    others."""
+    """Delays before the first, second, … restart in a row [s]; the last one repeats."""
     settled_s: float = 10.0
     """Running time after which the count of restarts in a row begins again [s]."""
     degraded_after: int = 4

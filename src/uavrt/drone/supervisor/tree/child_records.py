@@ -55,10 +55,7 @@ class Intake:
         self._listening = wanted
 
     def _take(self) -> None:
-        """Read all records that have arrived.
-
-        Then pause or, if there were none, wait for input.
-        """
+        """Read all records that have arrived, then pause, or wait if there were none."""
         self._timer = None
         ready = self._epoll.poll(0)
         try:

@@ -40,8 +40,7 @@ class Instance:
     tag_ids: tuple[int, ...] = ()
     """Numbers of the tags assigned to the process at its last start."""
     last_error: str = ""
-    """Last warning or error that the process printed; shown to the operator if the process
-    ends."""
+    """Last warning or error that the process printed, shown when it ends."""
 
     def __post_init__(self) -> None:
         self.outbox = Outbox(self.row.backlog, keeps=self.row.acknowledges_records)

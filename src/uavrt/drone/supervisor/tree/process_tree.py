@@ -13,7 +13,6 @@ from uavrt.core.clock import monotonic_s
 from uavrt.core.commands import SystemState
 from uavrt.core.log import get_logger
 from uavrt.core.messages import FlightInfo, Tag
-from uavrt.drone.ipc.sample_sockets import make_sample_sockets
 from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import encode_record
 from uavrt.drone.supervisor.mission.flight_opening import share_tags
@@ -29,9 +28,9 @@ log = get_logger()
 
 LineHandler = Callable[[Instance, bytes], None]
 
+SEND_BUFFER_BYTES = 4 * 1024 * 1024
 SILENCE_REPORT_S = 4.0
-"""Silence of a process that is reported to the operator [s], if its limit for a kill is
-longer."""
+"""Silence reported to the operator [s], if the limit for a kill is longer."""
 
 
 class ProcessTree:
@@ -256,10 +255,7 @@ class ProcessTree:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors.
-
-        Returns the flight with its tags; None if it has ended.
-        """
+        """Restart receiver and detectors; return the flight, None if it has ended."""
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:
@@ -369,3 +365,10 @@ def exit_text(exit_code: int) -> str:
         return f"was killed ({signal.Signals(-exit_code).name})"
     except ValueError:
         return f"was killed (signal {-exit_code})"
+
+
+def make_sample_sockets() -> tuple[socket.socket, socket.socket]:
+    """Make a socket pair for samples (sending, receiving) with the largest allowed buffer."""
+    sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    sender.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    return sender, receiver

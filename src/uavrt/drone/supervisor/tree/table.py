@@ -52,8 +52,7 @@ class ProcessRow:
     """Most records of one topic that are queued for the process; None for no limit. A burst
     must fit: a hundred tags with simultaneous pulses cause hundreds of records."""
     acknowledges_records: bool = False
-    """True if the process acknowledges records. Those not acknowledged are sent again after a
-    restart."""
+    """True if records are acknowledged; the others are sent again after a restart."""
     per_worker: bool = False
     """True if there is one process of this row for each detector worker."""
     samples_to: str | None = None
@@ -65,8 +64,7 @@ class ProcessRow:
     restart: RestartPolicy = FLIGHT_RESTARTS
     """When the process is restarted after an unexpected end."""
     cpu_budget_percent: float
-    """CPU time that the process may use with 100 tags [% of one core of the reference
-    machine]."""
+    """CPU time allowed with 100 tags [% of a core of the reference machine]."""
     memory_limit_mb: float
     stop_timeout_s: float = 5.0
     """Time from SIGTERM after which the process gets SIGKILL [s]."""

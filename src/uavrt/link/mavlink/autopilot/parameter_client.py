@@ -1,6 +1,4 @@
-"""Read and set parameters of the autopilot over a link of its own. This is for set-up on the
-ground, not for flight.
-"""
+"""Read and set an autopilot's parameters over a link of its own, for set-up on the ground."""
 
 import asyncio
 import contextlib
@@ -26,8 +24,7 @@ from uavrt.link.mavlink.services.parameter_service import decode_value, encode_v
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""Longest wait for the autopilot's answer [s]; a full send queue at 57 600 baud empties within
-this time."""
+"""Longest wait for an answer [s]; a full queue at 57 600 baud empties within it."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191
@@ -76,9 +73,7 @@ class ParameterClient:
         return self.kind != MavAutopilot.ARDUPILOTMEGA
 
     async def read(self, names: Iterable[str]) -> dict[str, float | None]:
-        """Read parameters by name; the value is None if the autopilot does not answer, as for
-        an unknown name.
-        """
+        """Read parameters by name; None for those without an answer, such as unknown names."""
         assert self.autopilot is not None
         values: dict[str, float | None] = dict.fromkeys(names)
         for _ in range(TRIES):
@@ -93,9 +88,7 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before, and return its new value; None if the autopilot
-        does not answer.
-        """
+        """Set a parameter that was read before; return its new value, None without answer."""
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(

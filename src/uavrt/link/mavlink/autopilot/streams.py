@@ -27,9 +27,7 @@ class _Stream:
 
 
 class StreamRequests:
-    """Message streams to request from the autopilot, their rates, and the state of each
-    request.
-    """
+    """Message streams to request from the autopilot, with rates and states."""
 
     def __init__(self, rates_hz: dict[int, float]) -> None:
         self._streams = {

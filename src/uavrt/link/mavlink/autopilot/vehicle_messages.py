@@ -1,9 +1,7 @@
-"""Convert the autopilot's MAVLink messages to the vehicle state of `uavrt.guidance`, and
-commands to messages; no I/O.
-"""
+"""Convert the autopilot's messages to guidance's records, commands to messages; no I/O."""
 
 from collections.abc import Iterator
-from math import degrees, isfinite
+from math import cos, degrees, hypot, isfinite, radians, sin
 from typing import Any
 
 from uavrt.core.units import wrap_degrees_360
@@ -55,6 +53,8 @@ WATCHED_HZ: dict[int, float] = {
 """Messages that show when the pilot takes over, and their requested rates [Hz]. PX4 reports its
 flight mode in CURRENT_MODE, ArduPilot in HEARTBEAT; the wind also arrives in a different
 message from each."""
+STRONGEST_M_S = 60.0
+"""Strongest plausible wind [m/s]; no drone flies in more, so it is ignored."""
 NO_CHANNEL_US = 65_535
 STICKS, MOST_CHANNELS = 4, 18
 TIMED = (dialect.GlobalPositionInt, dialect.AttitudeQuaternion, dialect.SystemTime)
@@ -69,9 +69,7 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Return the kind of autopilot that sent a heartbeat; None if the kind is unknown or the
-    vehicle has wings.
-    """
+    """Return the kind of autopilot of a heartbeat; None if unknown, or with wings."""
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
@@ -155,9 +153,7 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetRep
 
 
 def _rc(message: dialect.RcChannels, now_s: float) -> SticksReport:
-    """Values of all RC channels; empty without an RC receiver, or if the receiver has lost the
-    transmitter.
-    """
+    """Values of all RC channels; empty without a receiver, or without its transmitter."""
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
     known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)
@@ -193,3 +189,22 @@ def command_message(command: VehicleCommand, system_id: int) -> Message:
     return dialect.CommandLong(
         param5=command.param5, param6=command.param6, param7=command.z_m, **head
     )
+
+
+def wind_of(message: Message) -> tuple[float, float] | None:
+    """Return the wind velocity to the east and north [m/s]; None if a message has no wind.
+
+    Autopilots send it if they estimate the wind. On a multirotor this requires a measured drag
+    (EK3_DRAG_*, EKF2_DRAG_CTRL).
+    """
+    match message:
+        case dialect.Wind():  # the direction that it comes from
+            comes = radians(message.direction)
+            east, north = -message.speed * sin(comes), -message.speed * cos(comes)
+        case dialect.WindCov():
+            east, north = message.wind_y, message.wind_x
+        case _:
+            return None
+    if not (isfinite(east) and isfinite(north) and hypot(east, north) <= STRONGEST_M_S):
+        return None
+    return east, north

@@ -21,11 +21,9 @@ from uavrt.link.mavlink.message import Message
 from uavrt.link.mavlink.sending.rate import FRAME_OVERHEAD, LinkRate
 
 MIN_GAP_S = 0.012
-"""Shortest time between frames that an autopilot forwards [s]; PX4's main loop at ``-r 1200``
-takes 8.33 ms."""
+"""Shortest time between frames forwarded by an autopilot [s]; PX4 needs 8.33 ms."""
 DIRECT_LINK_GAP_S = 0.001
-"""Shortest time between frames on a direct link [s]; without it, bursts of 200 frames overran a
-socket."""
+"""Shortest time between frames on a direct link [s]; 200 at once overran a socket."""
 HEADER_BYTES = 12
 
 
@@ -48,17 +46,14 @@ ROOM_BYTES = {Priority.VALUE: 45, Priority.OTHER: 160, Priority.FILE: 280}
 """Number of bytes that a low-priority message must leave in the rate limiter's token bucket, so
 that a pulse can follow at once. It equals the longest low-priority frame."""
 OTHER_WAIT_NS = ns_from_s(2.0)
-"""Longest time that pulses delay an answer to a station that does not command the drone [ns].
-"""
+"""Longest delay, by pulses, of an answer to a station not in command [ns]."""
 
 
 Item = TunnelPayload | Message
 
 
 class Source(Protocol):
-    """Protocol of a message source: it stores its messages and returns one at a time for
-    sending.
-    """
+    """Message source: stores its messages, and returns one at a time for sending."""
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until the source has a message to send [ns]; None without any."""

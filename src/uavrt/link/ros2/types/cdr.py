@@ -58,10 +58,7 @@ def _encoder(message: type[RosMessage]) -> Encoder:
 
 
 def _make_encoder(message: type[RosMessage]) -> Encoder:
-    """Compile the encoder of a message: adjacent numbers, also nested, become one `struct`.
-
-    Ten times faster than field by field; at 100 tags that is 1 % of a core.
-    """
+    """Compile a message's encoder, tenfold faster: adjacent numbers are one `struct`."""
     steps: list[Encoder] = []
     codes: list[str] = []
     paths: list[str] = []

@@ -1,29 +1,7 @@
 """G2: the messages of the numbered versions of the protocol.
 
-Version 1 ("G2v1") has the header of G1 and is confirmed field by field. From version 4 on
-("G2") every payload begins with the command and a request id:
-
-======================  ====  ==============================================================
-message                 size  fields behind command u32 0 and request_id u32 4
-======================  ====  ==============================================================
-bare commands           8     none
-START_TAGS, END_TAGS    16    upload_id u32 8, tag_count u32 12
-ACK                     128   acked_command u32 8, request_id u32 12, result u32 16,
-                              message char[108] 20; its own request id is 0
-HEARTBEAT               20    protocol_version u32 8, system_id u16 12, status u16 14,
-                              cpu_temperature_c f32 16
-OPERATION_PROGRESS 21   128   command u32 8, request_id u32 12, state u32 16, step u32 20,
-                              step_count u32 24, message char[100] 28
-TAG *                   96    upload_id 8, tag_index 12, then as G1 from tag_id on, unpadded
-START_DETECTION *       48    as G1 from 4 on, moved by 4 and padded; dump_spectrogram 44
-RAW_CAPTURE *           16    gain 8, frequency_hz 12
-PULSE *                 120   tag_id 8, frequency_hz 12, then as G1
-DETECTOR_HEARTBEAT 23*  16    tag_id 8, detection_mode 12
-SET_LOG_LEVEL 22 *      12    level 8
-======================  ====  ==============================================================
-
-Layouts with a star, and the numbers of an operation's states, are inferred from the order of
-the fields and were never observed. They are used only with ``mavlink.tunnel_experimental``.
+Version 1 ("G2v1") has the header of G1. From version 4 on ("G2") every payload begins with the
+command and a request id. Layouts: the manual's tunnel reference.
 """
 
 import struct

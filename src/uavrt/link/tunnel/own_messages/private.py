@@ -20,21 +20,16 @@ RECEIPT_TYPE = 60_001
 SEALED_TYPE = 60_002
 """Payload type of a message with a keyed hash, see `uavrt.link.tunnel.own_messages.seal`."""
 SESSION_TYPE = 60_004
-"""Payload type of the session for sealed messages, see
-`uavrt.link.tunnel.own_messages.seal`."""
+"""Payload type of the session for sealed messages (`own_messages.seal`)."""
 MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
-"""Payload types of motion orders and states, see
-`uavrt.link.tunnel.own_messages.motion_messages`."""
+"""Payload types of motion orders and states (`own_messages.motion_messages`)."""
 PROVEN_STATE_TYPE = 60_011
-"""Payload type of an answer to a sealed motion order, see
-`uavrt.link.tunnel.own_messages.seal`."""
+"""Payload type of an answer to a sealed motion order (`own_messages.seal`)."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
-"""Payload types for drones that search together, see
-`uavrt.link.tunnel.own_messages.neighbour_messages`."""
+"""Payload types of joint searches (`own_messages.neighbour_messages`)."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Largest number of pulse hashes in a sealed receipt, limited by the 108 bytes of a sealed
-message."""
+"""Largest number of pulse hashes in a sealed receipt of 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",

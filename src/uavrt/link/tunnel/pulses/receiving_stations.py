@@ -5,7 +5,6 @@ acknowledged a pulse. The number of unconfirmed stations is limited. A station t
 none of many messages is ignored for a while.
 """
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -17,22 +16,17 @@ from uavrt.link.tunnel.generations.wire import Ids
 PLAIN = 0
 """Store number that stands for all ground stations that do not acknowledge pulses."""
 MOST_STORES = 8
-"""Largest number of ground stations that get all pulses; a limit is needed because store
-numbers can be invented."""
+"""Largest number of stations that get all pulses, as numbers can be invented."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
 """Number of new ground stations accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
-"""Time without receipts after which a ground station is removed [ns]; its pulses stay on disk.
-"""
+"""Time without receipts after which a station is removed [ns]; the disk has all."""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
 """Time without an acknowledgement after which a ground station is ignored [ns], if at least
 `UNRESPONSIVE_SENDS` messages were sent to it. It does not exist or does not receive."""
 IGNORED_NS = ns_from_s(60.0)
 MOST_IGNORED = 64
-PATIENCE, SENDS_OF_PATIENCE = 8, 32
-"""How often a burst's single pulses are sent to a store that acknowledged none: 8 times, but
-once after 32 in total. At 40 % loss each way, none of 32 is answered once in a million."""
 
 
 @dataclass(slots=True)
@@ -49,17 +43,6 @@ class Store:
     """True once the station has acknowledged a pulse, which proves that it exists."""
     sends: int = 0
     """Number of messages sent to the station."""
-    reads_contents: bool = False
-    """True once the station has acknowledged a message with a burst's single pulses."""
-    insides: int = 0
-    """Number of messages with a burst's single pulses sent to the station."""
-
-    @property
-    def patience(self) -> float:
-        """Largest number of times that one burst's single pulses are sent to this station."""
-        if self.reads_contents:
-            return math.inf
-        return PATIENCE if self.insides < SENDS_OF_PATIENCE else 1
 
     def unresponsive(self, now_ns: int) -> bool:
         """True if many messages over a long time have brought no acknowledgement."""
@@ -149,10 +132,7 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """Number of a ground station that may lack pulses on disk; None without any.
-
-        With `unconfirmed`, also a station that has never acknowledged a pulse.
-        """
+        """A station that may lack pulses on disk, or None; `unconfirmed`: even if unproven."""
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number

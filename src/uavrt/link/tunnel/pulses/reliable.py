@@ -8,8 +8,7 @@ Every message also counts as lost after the time-out of RFC 6298, at least 0.4 s
 
 The content of a burst does not fit into its pulse message
 (`uavrt.link.tunnel.own_messages.burst`). The content goes to a store that has acknowledged the
-pulse; the pulse is delivered once both are acknowledged. A ground station of an older version
-never acknowledges the content; then the pulse alone counts, after some tries.
+pulse; the pulse is delivered once both are acknowledged.
 
 A store is a ground station's memory of pulses, with a number that anyone can make up. Before
 its first acknowledgement it gets messages for all, and a few repetitions when nothing else
@@ -55,7 +54,6 @@ class ReliableSender(Generic[T]):
         """Number of sent messages with the single pulses of a burst."""
         self.acknowledged_pulses = 0
         self._station_since_ns: int | None = None
-        self._settled: list[tuple[int, ItemKey]] = []
 
     def station_present(self, present: bool, now_ns: int) -> None:
         """Record whether any ground station's heartbeats arrive."""
@@ -94,8 +92,6 @@ class ReliableSender(Generic[T]):
                 continue  # overheard: it has not acknowledged the pulse
             entry.stored_at.add(store)
             entry.missing_at.discard(store)
-            if is_inside:
-                self.stores[store].reads_contents = True
             if is_inside or not self.pulses.add_inside(entry, store):
                 new.append(entry.pulse)
             acknowledged.append(entry)
@@ -103,7 +99,7 @@ class ReliableSender(Generic[T]):
                 self.pulses.forget(entry)
                 self.acknowledged_pulses += not is_inside
         for entry in self.underway.acknowledged(acknowledged, now_ns):
-            self._again(entry)
+            self.pulses.wait(entry)
         return new
 
     def _add_store(self, store: int, place: Ids, now_ns: int) -> None:
@@ -121,8 +117,6 @@ class ReliableSender(Generic[T]):
             return []
         done.stored_at.add(store)
         self._confirm(store)
-        if done.inside is not None:
-            self.stores[store].reads_contents = True
         if done.inside is not None or self.pulses.inside(done.item) is not None:
             self.stores.note_on_disk(store)  # both come again, unless it has both
             return []
@@ -133,14 +127,6 @@ class ReliableSender(Generic[T]):
         if not self.stores[store].acknowledges:
             self.stores[store].acknowledges = True
             self.pulses.promote_probes(store)
-
-    def settled(self) -> list[tuple[int, ItemKey]]:
-        """Stations and bursts that count, since the last call, as delivered by the pulse alone.
-
-        A station of an older version never acknowledges a burst's single pulses.
-        """
-        settled, self._settled = self._settled, []
-        return settled
 
     def wait_ns(self, now_ns: int) -> int | None:
         """Time until a pulse may be sent [ns]; None if there is none."""
@@ -181,7 +167,6 @@ class ReliableSender(Generic[T]):
         """Count a sent message in total and for each ground station."""
         for number in entry.missing_at:
             self.stores[number].sends += 1
-            self.stores[number].insides += entry.inside is not None
         if entry.inside is not None:
             self.insides_sent += 1
         elif entry.sends == 1:
@@ -207,19 +192,7 @@ class ReliableSender(Generic[T]):
             if entry.stored_at and not self.stores.must_repeat(entry.missing_at):
                 self.pulses.forget(entry)
             else:
-                self._again(entry)
-
-    def _again(self, entry: Entry[T]) -> None:
-        """Queue a lost message again, except a burst's single pulses that no station reads."""
-        if entry.inside is not None:
-            for number in list(entry.missing_at):
-                if entry.tries >= self.stores[number].patience:
-                    entry.missing_at.discard(number)
-                    self._settled.append((number, entry.pulse))
-            if not entry.missing_at:
-                self.pulses.forget(entry)
-                return
-        self.pulses.wait(entry)
+                self.pulses.wait(entry)
 
     def _drop_silent_stores(self, now_ns: int) -> None:
         silent = self.stores.silent(now_ns)

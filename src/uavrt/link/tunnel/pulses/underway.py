@@ -9,24 +9,46 @@ from typing import Generic, Literal, TypeVar
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
-from uavrt.link.tunnel.pulses.round_trips import FIRST_RTO_S, RoundTrips
 
 T = TypeVar("T")
 
+FIRST_RTO_S = 1.0
+MIN_RTO_S = 0.4
 UNANSWERED_NS = ns_from_s(1.2)
 """Time without any acknowledgement after which another link is tried [ns]."""
 REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Number of acknowledged pulses that are remembered, since another station may acknowledge them
-later."""
+"""Number of acknowledged pulses remembered for other stations' receipts."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of a message in memory: tag id and start time of a pulse, and a third number if the
-message holds a burst's single pulses."""
+"""Key of a message: tag id, start time, and a third number for single pulses."""
+
+
+class RoundTrips:
+    """Smoothed round trip and retransmission time-out, by RFC 6298."""
+
+    def __init__(self) -> None:
+        self.smoothed_s: float | None = None
+        self._variation_s = 0.0
+
+    def add(self, trip_s: float) -> None:
+        """Add the round trip of a message that was sent once [s]."""
+        if self.smoothed_s is None:
+            self.smoothed_s, self._variation_s = trip_s, trip_s / 2
+        else:
+            self._variation_s += (abs(trip_s - self.smoothed_s) - self._variation_s) / 4
+            self.smoothed_s += (trip_s - self.smoothed_s) / 8
+
+    @property
+    def timeout_s(self) -> float:
+        """Time after which a message without acknowledgement counts as lost [s]."""
+        if self.smoothed_s is None:
+            return FIRST_RTO_S
+        return max(MIN_RTO_S, self.smoothed_s + 4 * self._variation_s)
 
 
 @dataclass(slots=True, eq=False)
@@ -39,8 +61,7 @@ class Entry(Generic[T]):
     inside: bytes | None = None
     """Payload with a burst's single pulses; None for a pulse message."""
     live: bool = True
-    """True for a new pulse, which all stations get; False for a pulse that was read from disk
-    for one station."""
+    """True for a new pulse, for all stations; False: read from disk for one station."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0

@@ -10,10 +10,7 @@ T = TypeVar("T")
 
 
 async def in_background(work: Callable[[], T]) -> T:
-    """Run `work` in a daemon thread; the program can end without waiting for it.
-
-    With `asyncio.to_thread`, the program could not end while a drive does not respond.
-    """
+    """Run `work` in a daemon thread, so the program can end while a drive hangs."""
     loop = asyncio.get_running_loop()
     future: asyncio.Future[T] = loop.create_future()
 

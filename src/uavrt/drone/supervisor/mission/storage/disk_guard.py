@@ -46,10 +46,7 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Measure free space, remove flights if necessary, check the card. Call it in a thread.
-
-        Returns (severity, text) pairs for the operator.
-        """
+        """Check space and card, remove flights (slow); return pairs of severity and text."""
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []

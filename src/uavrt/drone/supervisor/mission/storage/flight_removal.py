@@ -13,17 +13,13 @@ from uavrt.flight.flight_layout import FlightLayout
 from uavrt.flight.flight_order import with_copies
 
 RETRY_WITHIN_S = 10.0
-"""Time within which a repeated removal request counts as a retry [s]; stations retry for 8
-s."""
+"""Time in which a repeated removal counts as a retry [s]; stations retry for 8 s."""
 CONFIRM_WITHIN_S = 120.0
 """Time within which a second removal request confirms the first [s]."""
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Return the removable flights, oldest first.
-
-    The newest flight, its copies and starred flights stay.
-    """
+    """Removable flights, oldest first: not the newest, its copies, or starred ones."""
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
