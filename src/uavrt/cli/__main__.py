@@ -11,8 +11,7 @@ import threading
 from contextlib import suppress
 
 RESEND_S = 0.01
-"""Delay after which a discarded Ctrl-C is sent again [s], when the code that discarded it has
-returned."""
+"""Delay after which a discarded Ctrl-C is sent again [s]; the code there has returned."""
 
 
 def _send_again(discarded: "sys.UnraisableHookArgs") -> None:

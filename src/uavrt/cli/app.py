@@ -40,8 +40,7 @@ COMMANDS = {
     "starter": "Add the ground station to the desktop's menu.",
     "update": "Install another version offline; go back if it fails.",
 }
-"""One-line description of each command, by name. A call imports the module of that name and
-runs its function of that name."""
+"""Description of each command by its name, which is also that of its module and function."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:

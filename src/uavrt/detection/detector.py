@@ -32,8 +32,7 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms take 0.437 s. A pulse is reported 0.04 s after its end at the earliest."""
 _FIRST_STEP = 0.7639
-"""Longest wait for the first search, as a share of `BATCH_S`; three blocks of samples suffice
-to estimate the noise."""
+"""Longest wait for the first search, as a share of `BATCH_S`: noise needs three blocks."""
 
 
 class PulseDetector:

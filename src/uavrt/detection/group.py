@@ -25,8 +25,7 @@ from uavrt.detection.track.transmitters.ghosts import mark_ghosts
 from uavrt.detection.track.transmitters.train_senders import Senders
 
 _TOGETHER = 8
-"""Number of detectors that search at once; their spectrogram cells, 0.5 MB, fit into the cache
-of a core."""
+"""Number of detectors that search at once; their cells, 0.5 MB, fit into a core's cache."""
 
 
 @dataclass(slots=True, eq=False)
@@ -36,8 +35,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of received samples at which the next search may be due; 0: check with each
-    block."""
+    """Received samples at which the next search may be due; 0: check with each block."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,8 +53,7 @@ class _Channel:
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Smallest `due` of the channel's detectors; 0: check with each block whether a search is
-    due."""
+    """Smallest `due` of the channel's detectors; 0: check with each block."""
 
     def catch_up(self, member: _Member) -> None:
         member.detector.take_all(self.blocks[member.taken - self.before :])

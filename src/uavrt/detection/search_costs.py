@@ -25,8 +25,7 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost of a tag list up to which it is not measured [costs of a typical tag]; it
-    is a fifth of a core."""
+    """Cost up to which a tag list is not measured [typical tags]: a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Cost of a typical tag: product of K² = 9, the interval's uncertainty of 60 ms in seconds,
     and the window's half-width of 500 Hz in hertz."""
@@ -45,11 +44,9 @@ class CostTuning:
     received_enr: float = 40.0
     """Energy of the simulated tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
-    """Share of a processor core needed for each coded tag; 500 tags take less than a tenth of a
-    core."""
+    """Share of a core for each coded tag; 500 tags take less than a tenth of a core."""
     most_cpu_s: float = 2.0
-    """Maximum CPU time for measuring [s]; further tags are assumed to cost as much as the last
-    measured."""
+    """Most CPU time to measure costs [s]; further tags cost as much as the last."""
 
 
 COSTS = CostTuning()

@@ -16,8 +16,7 @@ from uavrt.formats.damaged_lines import reason_of
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest time accepted in a file [ns since 1970]: the year 2116. SQLite's integers can hold
-it."""
+"""Latest time accepted in a file [ns since 1970]: the year 2116, an integer for SQLite."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """Pattern of a table cell that contains only a number with a decimal comma."""
 _GZIP = b"\x1f\x8b"

@@ -33,8 +33,7 @@ from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 LAST_PULSES_WAIT_S = 1.0
-"""Time without a pulse after which a drone that has stopped counts as having sent all pulses
-[s]."""
+"""Time without a pulse after which a stopped drone counts as having sent all pulses [s]."""
 STOP_TIMEOUT_S = 12.0
 
 
@@ -44,8 +43,7 @@ class StationSettings:
 
     directory: Path
     address: str | None = None
-    """One or several MAVLink addresses separated by spaces, the preferred one first; None: the
-    last used."""
+    """MAVLink addresses separated by spaces, the preferred one first; None: the last used."""
     my_place: str | None = None
     """Address of a GPS receiver; None: the address used in the last run."""
     dem: str | None = None
@@ -56,8 +54,7 @@ class StationSettings:
     """Tags to search for; None: those of the last run."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """MAVLink system ids of vehicles to serve in addition to the first and those of the last
-    run."""
+    """MAVLink system ids of vehicles to serve besides the first and those of the last run."""
     keys: LinkKeys = NO_KEYS
 
 

@@ -84,9 +84,7 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its best position in all rounds; return False if it is already
-        there.
-        """
+        """Move a tag to its best place in all rounds; False if it is already there."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

@@ -24,9 +24,7 @@ class StopRule(Protocol):
         """Decide whether a tag counts as found; return the decision with its reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate information on the position that is still missing for the tag to count as
-        found [nats].
-        """
+        """Approximate position information missing until the tag is found [nats]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +45,7 @@ class AccuracyStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found; the checks that need the least computing time come
-        first.
-        """
+        """Decide whether a tag is found; the cheapest checks come first."""
         rms = belief.spread().rms_m
         # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
         # a long one, so a cloud whose rms exceeds the target is rejected without its circle.

@@ -18,11 +18,9 @@ from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
 
 ENDS_BYTES = 1 << 20
-"""Number of bytes that are copied from the beginning and from the end of a file, which contain
-the headers of WAV files."""
+"""Bytes copied from the beginning and the end of a file, which contain WAV headers."""
 BLOCK_BYTES = 8 << 20
-"""Number of bytes that are read from a store at a time; at 17 MB/s a read takes half a
-second."""
+"""Number of bytes read from a store at a time; at 17 MB/s a read takes half a second."""
 MOST_BYTES = 1 << 50
 MOST_META_BYTES = 64 << 20
 MOST_DEPTH = 32
@@ -37,9 +35,7 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """List the files at and below an address. Raises `FormatError` if there are none,
-    `StoreError` or `UsageError`.
-    """
+    """List files at an address. Raises `FormatError` for none, `StoreError`, `UsageError`."""
     with _store_errors(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
@@ -134,9 +130,7 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer with bytes from an offset; return the number of bytes read. Raises
-        `StoreError`.
-        """
+        """Fill a buffer from an offset; return the number of bytes. Raises `StoreError`."""
         with _store_errors(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))
@@ -152,9 +146,7 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Write a local copy of a stored file. Unless `whole`, the copy is sparse and has only the
-    first and last bytes.
-    """
+    """Copy a stored file; unless `whole`, the copy is sparse, with first and last bytes."""
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)
@@ -175,9 +167,7 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read bytes `start` to `end` of a stored file. Raises `StoreError` if the server cannot
-    send parts of files.
-    """
+    """Read bytes `start` to `end`; `StoreError` if the server sends no parts of files."""
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -224,9 +214,7 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Types of exceptions that reading from a store may raise, as defined by the libraries
-    loaded so far.
-    """
+    """Exceptions that reading from a store may raise, of the libraries loaded so far."""
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

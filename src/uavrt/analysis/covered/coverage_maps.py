@@ -1,6 +1,4 @@
-"""Compute coverage maps: the probability that a tag at each position is detected from a flown
-path.
-"""
+"""Compute the probability that a tag at each position is detected from a flown path."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,16 +31,13 @@ from uavrt.planning.detectability.whole_flight_chance import MODEL
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _ELSEWHERE_M = 50e3
-"""Distance between an outline and the map above which the outline's coordinates are presumed
-wrong [m]."""
+"""Distance of an outline from the map above which its coordinates are presumed wrong [m]."""
 MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """Grid and terrain heights of a coverage map, with sentences about missing elevation
-    data.
-    """
+    """Grid and terrain heights of a coverage map; sentences about missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -109,9 +104,7 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read one outline and convert it to plane coordinates [m]. Raises `FormatError` unless
-    there is exactly one.
-    """
+    """Outline in plane coordinates [m]. Raises `FormatError` unless there is exactly one."""
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -119,9 +112,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Mask of the map cells whose centre lies in a polygon. Raises `UsageError` if there is
-    none.
-    """
+    """Mask of cells whose centre lies in a polygon. Raises `UsageError` if there is none."""
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)

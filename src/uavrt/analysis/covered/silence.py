@@ -42,8 +42,7 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Number of cells along the longer side of a coverage map; for a 20-minute flight the
-computation takes seconds."""
+"""Cells along the longer side of a coverage map; for 20 minutes it takes seconds."""
 _NOT_JUDGED = (
     "the whole flight has not been searched for this tag yet; uavrt integrate finds weaker tags"
 )
@@ -83,21 +82,16 @@ class SilentMap:
     """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
-    """Distance from the flight within which a tag would have been detected everywhere with
-    probability 0.9 or more [m]; None if nowhere."""
+    """Distance within which a tag is surely (0.9 or more) detected [m]; None if nowhere."""
 
     @property
     def heard(self) -> bool:
-        """True if the tag was received or may have been, so that the map is no evidence of its
-        absence.
-        """
+        """True if the tag was or may have been received; the map shows no absence then."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
     def around(self) -> SilentAround:
-        """Return the distance within which the tag would have been found, as a record for its
-        whole-flight result.
-        """
+        """Record of the distance within which the tag would have been found."""
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -108,9 +102,7 @@ class SilentMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListenedFlight:
-    """A flight with the grid, terrain and noise from which `silent_map` computes coverage
-    maps.
-    """
+    """A flight with the grid, terrain and noise from which `silent_map` makes coverage maps."""
 
     flight: Flight
     area: MapArea
@@ -176,9 +168,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Compute a tag's detection probability over the map, for the flown antenna unless
-        `antenna` names another.
-        """
+        """Compute a tag's map for the flown antenna, unless `antenna` names another."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -229,9 +219,7 @@ class ListenedFlight:
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Return a sentence saying why a stored whole-flight search does not apply to this map;
-        empty if it does.
-        """
+        """Why a stored whole-flight search does not apply to this map; empty if it does."""
         if searched is None:
             return ()
         found = _setting_changes(tag, searched)
@@ -280,9 +268,7 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if whole-flight analysis found the tag at the limit of false alarms of its search,
-    or at the usual limit.
-    """
+    """True if whole-flight analysis found the tag at its search's or the usual limit."""
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -389,9 +375,7 @@ def sure_within_m(
 
 
 def around_in_words(around: SilentAround) -> str:
-    """Return a sentence that states within which distance of the flight a tag would have been
-    found.
-    """
+    """Sentence on the distance from the flight within which a tag would have been found."""
     what = "found" if around.whole_flight else "detected"
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:

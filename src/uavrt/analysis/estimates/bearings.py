@@ -46,17 +46,13 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """Name of the flight or log as shown to the operator, with the vehicle if it was
-        recorded.
-        """
+        """Name of the flight or log for the operator, with the vehicle if recorded."""
         vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
         return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern; monopole for logs without headings. Raises
-        `UsageError`.
-        """
+        """Name of the antenna pattern; monopole without headings. Raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
@@ -100,9 +96,7 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Return the pulses of a flight, or those given, with their poses as arrays. Raises
-    `UsageError` if no pulse has a pose.
-    """
+    """Pulses of a flight, or those given, with poses as arrays. `UsageError` without poses."""
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -191,9 +185,7 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting of a flight. Flights with equal values have the same antenna
-    pattern.
-    """
+    """Drone, antenna and mounting; flights with equal values share the antenna pattern."""
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted

@@ -33,16 +33,12 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """True if any pulse or burst of a tag was received, so that there is something to
-    export.
-    """
+    """True if any pulse or burst of a tag was received, so that there is a file to write."""
     return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    """Pulses and bursts above the detection threshold, as a SensorGnome records them, in order
-    of time.
-    """
+    """Pulses and bursts above the threshold, as a SensorGnome records them, by time."""
     found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
@@ -180,9 +176,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Sum of the differences between a burst's gaps and those of its code [s], as text; empty
-    if unknown.
-    """
+    """Sum of a burst's gap errors against its code [s], as text; empty if unknown."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""

@@ -60,8 +60,7 @@ _SYSTEMS = (
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
 _TIMES = ("time", "start", "end")
-"""Names of the attributes that are stored as DATETIME, so that QGIS's temporal controller can
-use them."""
+"""Attributes stored as DATETIME, so that QGIS's temporal controller can use them."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]
@@ -134,9 +133,7 @@ def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 def _cell(key: str, value: Any) -> Any:
-    """Convert an attribute to the type of its column; times are given to milliseconds (clause
-    1.1.1.1.2).
-    """
+    """Attribute in its column's type; times are given to milliseconds (clause 1.1.1.1.2)."""
     if key not in _TIMES or value is None:
         return value
     seconds, _, rest = str(value).rstrip("Z").partition(".")

@@ -50,9 +50,7 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Read the noise measured in a flight. Raises `FormatError`, or `RecordingError` if none
-    was measured in the air.
-    """
+    """Noise of a flight; `FormatError`, or `RecordingError` if none was measured in the air."""
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)

@@ -104,9 +104,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Two masks of a pulse train's expected pulses: those sent at the train's rate, and those
-    above the noise.
-    """
+    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -126,9 +124,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Return the record of a whole-flight result for one tag, as it is stored with the
-    flight.
-    """
+    """Record of a whole-flight result for one tag, as it is stored with the flight."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -197,9 +193,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines (latitude, longitude) of the smallest region that contains the tag with
-    probability `share`.
-    """
+    """Outlines (latitude, longitude) of the smallest region of probability `share`."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

@@ -88,9 +88,7 @@ def _check_compatible(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """Return the UDP ports of each channel. Raises `ConfigError` if the port scheme has no
-    second port.
-    """
+    """UDP ports of each channel. `ConfigError` if the port scheme has no second port."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(

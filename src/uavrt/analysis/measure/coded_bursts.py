@@ -26,21 +26,17 @@ _WIDTH_S: Final = 0.0025
 """Length of the filter that detects pulses [s], equal to a coded tag's usual pulse width.
 Pulses up to 7.5 ms wide are found."""
 _REACH_S: Final = 0.009
-"""Half-width of the time around a pulse with which its energy is compared [s]; gaps between
-pulses are longer."""
+"""Half-width of the time to compare a pulse's energy with [s]; gaps are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Inverse of the step to which measured pulse widths are rounded [1/s]: 0.5 ms, as in data
-sheets."""
+"""Inverse of the step of measured pulse widths [1/s]: 0.5 ms, as in data sheets."""
 _LEAST: Final = 30.0
 """Minimum ratio of a coded pulse's energy to the mean energy of the noise, 30 (15 dB)."""
 _PEAKED: Final = 4.0
-"""Minimum ratio of a coded pulse's energy at its frequency to the median energy within 1
-kHz."""
+"""Minimum ratio of a coded pulse's energy to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
-"""Maximum number of burst intervals that the shortest time between two received bursts may
-contain."""
+"""Most burst intervals that the shortest time between two received bursts may hold."""
 _WINDOW_HZ: Final = 1000.0
 
 
@@ -178,9 +174,7 @@ class BurstPulses:
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the middles [s from the first sample] and the widths [s] of the strong pulses,
-        in order of time.
-        """
+        """Middles [s from the first sample] and widths [s] of the strong pulses, by time."""
         if self._cells is None:
             return np.zeros(0), np.zeros(0)
         self._push(self._cells)

@@ -18,8 +18,7 @@ class MeasuredRate:
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of pulse times from equal intervals [s], including the measurement
-    error."""
+    """Standard deviation of pulse times from equal intervals [s], error included."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float
@@ -35,8 +34,7 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency of the tag in the middle of the recording, relative to the radio's crystal
-    [Hz]."""
+    """Tag's frequency in the recording's middle, relative to the radio's crystal [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float

@@ -52,9 +52,7 @@ def ray(bearing: TagBearing, length_m: float) -> list[Point]:
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Return the closed outline of a bearing's 90 % sector, counter-clockwise; None if the
-    sector is unknown.
-    """
+    """Closed outline of a bearing's 90 % sector, counter-clockwise; None if unknown."""
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -66,9 +64,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Return the closed outline of the 95 % ellipse or circle, counter-clockwise; None if
-    unknown.
-    """
+    """Closed outline of the 95 % ellipse or circle, counter-clockwise; None if unknown."""
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
@@ -171,9 +167,7 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Clip a closed ring at longitude `side_deg`, which is ±180 (Sutherland and Hodgman
-    1974).
-    """
+    """Clip a closed ring at longitude `side_deg`, ±180 (Sutherland and Hodgman 1974)."""
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

@@ -21,9 +21,7 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a new flight from pulses detected again in a recording and from the poses of the
-    old flight.
-    """
+    """Writes a flight from pulses detected again and the poses of the old flight."""
 
     def __init__(
         self,
@@ -64,9 +62,7 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses outside the time span of the poses; a high number means a wrong
-        flight or start time.
-        """
+        """Number of pulses outside the poses' time; if high, flight or start is wrong."""
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
@@ -81,9 +77,7 @@ class FlightWriter:
         self._recorder.close()
 
     def discard(self) -> None:
-        """Remove the new flight if no samples were searched, so that it does not count as a
-        flight.
-        """
+        """Remove the new flight if no samples were searched, so that it does not count."""
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -114,9 +108,7 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Return a pose attacher that contains all poses of a flight, so that pulses need not wait
-    for poses.
-    """
+    """Pose attacher with all poses of a flight, so that pulses wait for none."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)

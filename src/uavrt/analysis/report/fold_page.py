@@ -26,9 +26,7 @@ _LOWEST, _HIGHEST = -2.0, 6.0
 
 
 def draw_fold(target: "FigureBase", fold: "FlightFold", color: str) -> None:
-    """Draw the summed profile of a flight, and below it the signal folded at the pulse
-    interval.
-    """
+    """Draw the summed profile of a flight, and the signal folded at the interval."""
     above, below = target.subplots(2, 1, sharex=True, height_ratios=(1, 2.6))
     half_ms = 500.0 * fold.interval_s
     profile = np.array(fold.profile)

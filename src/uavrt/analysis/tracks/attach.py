@@ -33,16 +33,13 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best clock
-offset."""
+"""Minimum ratio of the misfit 5 s away to that at the best clock offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""Largest accepted heading error from an uncertain clock offset [deg]; the error of a bearing
-from one turn is a few degrees."""
+"""Largest heading error by the clock offset [deg]; a turn's bearing errs by degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses that a track must cover; a smaller share suggests the track of
-another flight."""
+"""Minimum share of pulses in a track; less suggests the track of another flight."""
 _MOST_LOST = 0.2
 """Largest share of the pulses that could be covered which an offset may leave without a pose.
 
@@ -56,8 +53,7 @@ _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
 distance from the flight's middle, plus a constant [m]."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width of the 9 × 9 grid of tag positions at which the refinement of the grid ends
-[m]."""
+"""Half-width of the 9 × 9 grid of tag positions at which refinement ends [m]."""
 
 _Floats = NDArray[np.float64]
 
@@ -73,11 +69,9 @@ class ClockOffset:
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
     or their SNR (``"powers"``)."""
     sigma_s: float | None = None
-    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None if
-    the offset was given."""
+    """Standard deviation by a jackknife over eighths of the flight [s]; None if given."""
     heading_sigma_deg: float | None = None
-    """Heading error that the uncertainty of the clock offset causes at the flown turn rate
-    [deg]."""
+    """Heading error from the clock offset's uncertainty at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -112,9 +106,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Return the number of pulses with a pose. Raises `UsageError` if fewer than a quarter have
-    one.
-    """
+    """Number of pulses with a pose. `UsageError` if fewer than a quarter have one."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -360,9 +352,7 @@ class _Common:
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> "dict[int, _TagOnTrack] | None":
-        """Return the pulses of each tag with poses from the track, by tag id; None if the track
-        covers too few.
-        """
+        """Pulses of each tag with poses of the track; None if it covers too few."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None

@@ -49,8 +49,7 @@ class MappedTag:
     in_hindsight: bool = False
     """True if ``uavrt integrate`` found the tag in the whole flight."""
     silent: "SilentAround | None" = None
-    """Area in which an undetected tag would have been detected; None for a plan, or if the tag
-    was detected."""
+    """Area where an undetected tag would be detected; None for plans and detected tags."""
     noise: str | None = None
     files: tuple[Path, ...] = ()
 

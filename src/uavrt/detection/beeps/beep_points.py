@@ -66,8 +66,7 @@ class _Levels:
     """
 
     power: NDArray[np.float32]
-    """(frames, bins) power of the spectrogram, before division by the usual power of each
-    bin."""
+    """(frames, bins) power of the spectrogram, not yet divided by each bin's usual power."""
     scale: NDArray[np.float32]
     """(bins,) inverse of the usual power in each frequency bin."""
 

@@ -33,8 +33,7 @@ class Train:
     """Frequency of a stronger train with simultaneous pulses, whose image this train is [Hz];
     None if it is not an image."""
     together: int = 1
-    """Number of frequencies with simultaneous pulses of equal strength, including that of this
-    train."""
+    """Number of frequencies with simultaneous pulses of equal strength, with this train's."""
 
     def moved(self, center_hz: float) -> "Train":
         """Copy of the train at absolute frequencies."""

@@ -23,11 +23,9 @@ class Evidence:
     over_unlisted: NDArray[np.float64]
     """(n,) log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, pulses) log-likelihood ratio of each pulse to noise or to a pulse of another
-    burst."""
+    """(n, pulses) log-likelihood ratio of each pulse to noise or another burst's pulse."""
     own: NDArray[np.bool_]
-    """(n, pulses) True where the pulse of the code itself is received, and not a stronger
-    signal."""
+    """(n, pulses) True where the code's own pulse is received, not a stronger signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:

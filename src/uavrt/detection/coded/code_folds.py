@@ -36,8 +36,7 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio of the listed code to an unlisted code that has its interval by
-    chance."""
+    """Log-likelihood ratio of the listed code to an unlisted one of its interval."""
     also_possible: tuple[int, ...] = ()
 
 

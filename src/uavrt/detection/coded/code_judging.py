@@ -324,9 +324,7 @@ class Overlaps:
         )
 
     def too_few_left(self, claim: int) -> bool:
-        """True if overlaps leave a possible burst, by its index, too few pulses to report
-        it.
-        """
+        """True if overlaps leave a possible burst, by its index, too few pulses."""
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy

@@ -61,8 +61,7 @@ class Cells:
         """Number of the spectrogram column after the newest one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
-        """Stored samples from column `base` on, real and imaginary; the noise has amplitude
-        `UNIT`."""
+        """Stored samples from column `base` on, real and imaginary; noise amplitude `UNIT`."""
         self.recent = np.zeros((rows, 0), np.float32)
         """(rows, columns) newest spectrogram cells, up to column `end` [noise energies]."""
         self._medians: list[NDArray[np.float64]] = []

@@ -253,8 +253,7 @@ class _Tested:
     """(anchors, k - 1, intervals) largest power near the expected time of each further pulse of
     the group, within the jitter."""
     totals: NDArray[np.float32]
-    """(anchors, intervals) sums of the powers of a group, each limited to the maximum for one
-    cell."""
+    """(anchors, intervals) sums of a group's powers, each limited to one cell's maximum."""
     best: NDArray[np.float32]
     """(anchors,) largest sum of powers over the intervals, for each anchor [noise powers]."""
 

@@ -29,8 +29,7 @@ class Candidate(NamedTuple):
     score: float
     """Ratio of the candidate's sum of powers to the detection threshold."""
     strength: float
-    """Sum of powers without the limit on each cell [noise powers]; decides between equal
-    scores."""
+    """Sum of powers without limits on cells [noise powers]; decides equal scores."""
     rate: int
     row: int
     columns: tuple[float, ...]

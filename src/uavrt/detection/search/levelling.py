@@ -24,8 +24,7 @@ from uavrt.detection.search.tuning import LEVEL
 SLOT = HOPS_PER_PULSE // 2
 """Number of spectrogram columns in a slot; a slot is the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
-"""Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
-is 1."""
+"""Mean of noise cells limited to `LEVEL.most_power`; without the limit 1."""
 
 
 @dataclass(slots=True)
@@ -35,8 +34,7 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) ratio of each band's noise level to the common level; None if all are
-    equal."""
+    """(bands, slots) ratio of each band's noise to the common level; None if equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +44,7 @@ class _Followed:
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise level to `divisor`; None if all are
-    equal."""
+    """(bands, new slots) ratio of each band's noise to `divisor`; None if equal."""
     measured: NDArray[np.float32]
     """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
@@ -61,8 +58,7 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise level to `common`; None if all are
-    equal."""
+    """(bands, new slots) ratio of each band's noise to `common`; None if equal."""
 
 
 class _LevelRecord:

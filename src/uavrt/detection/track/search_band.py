@@ -25,8 +25,7 @@ from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
 
 NOISE_STRIDE = SLOT
-"""Step between the columns from which the noise is estimated [columns]; a pulse covers eight
-columns."""
+"""Step between columns for the noise estimate [columns]; a pulse covers eight."""
 
 
 class _LostColumns:

@@ -239,9 +239,7 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float, longest_ns: int
 ) -> Pose | None:
-    """Pose without heading at a time, interpolated between positions at most `longest_ns` away;
-    None without one.
-    """
+    """Pose without heading between positions up to `longest_ns` away; None without one."""
     after = bisect_left(times_ns, time_ns)
     near = [
         place

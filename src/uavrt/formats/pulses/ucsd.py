@@ -22,8 +22,7 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Maximum difference between frequencies that belong to one target [Hz]; crystals drift by
-less."""
+"""Maximum difference between frequencies of one target [Hz]; crystals drift by less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 

@@ -31,8 +31,7 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped; after that the
-file counts as ended."""
+"""Maximum number of damaged bytes, or 512-byte pieces, skipped before the end is assumed."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 

@@ -106,9 +106,7 @@ class DroneFiles:
             self.link = (later or others)[0]
 
     async def _send_heartbeat(self) -> None:
-        """Send a heartbeat once a second, so that the autopilot routes messages to this
-        program.
-        """
+        """Send a heartbeat once a second, so that the autopilot routes messages to us."""
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._links.send_by_all(message)

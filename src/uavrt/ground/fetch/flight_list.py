@@ -11,8 +11,7 @@ from uavrt.flight.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, n
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
 
 MOST_NOTED = 8_000
-"""Number of bytes read from the end of the drone's list of flights: some 250 names, which take
-2 s over a radio."""
+"""Bytes read from the end of the drone's list of flights: some 250 names, 2 s by radio."""
 
 
 async def drone_flights(client: FileClient) -> list[str]:

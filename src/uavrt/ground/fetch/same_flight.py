@@ -32,9 +32,7 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Return the path at which to store a new file: `place`, or a new name if another flight's
-    file has that name.
-    """
+    """Path at which to store a new file: `place`, or a new name if another flight has it."""
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
@@ -97,9 +95,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """Read the kind of a recording, and first sample, frequency and time [ns] of each of its
-    spans.
-    """
+    """Kind of a recording, and first sample, frequency and time [ns] of each of its spans."""
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

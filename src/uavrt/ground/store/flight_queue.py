@@ -21,8 +21,7 @@ MOST_RECORDS = 20_000
 RETRY_S = 1.0
 """Pause before a failed write to a flight's files is repeated [s]."""
 SLOW_S = 2.0
-"""Duration above which a write is reported as slow [s]; a healthy memory card takes
-milliseconds."""
+"""Duration above which a write is reported as slow [s]; a healthy card takes milliseconds."""
 SETTLE_CHECK_S = 0.01
 """Interval at which `settle` checks whether a write has ended [s]."""
 

@@ -28,8 +28,7 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if it was copied
-    from a drone."""
+    """``"ground"``: recorded by this ground station; ``"drone"``: copied from a drone."""
     starred: bool = False
     """True for a flight that is never removed automatically."""
     vehicle: str | None = None

@@ -19,8 +19,7 @@ from uavrt.ground.web.access.password_limit import LEAST_PASSWORD
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 
 TIDY_S = 5.0
-"""Interval of returning free memory to the system [s]. Opening a flight of 100 000 pulses uses
-40 MB, which glibc would keep."""
+"""Interval of returning free memory to the system [s]; a large flight uses 40 MB."""
 
 SLOW_S = 0.03
 """Duration above which a garbage collection visibly delays a pulse on the page [s]."""

@@ -14,9 +14,7 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """Level correction for the ray that is reflected by ground of medium conductivity,
-    tabulated over the distance.
-    """
+    """Level correction for the ray reflected by medium ground, tabulated by distance."""
 
     frequency_hz: float = 150e6
     tag_height_m: float = 1.0

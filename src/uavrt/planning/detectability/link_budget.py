@@ -79,9 +79,7 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Distance up to which the ENR is at least `needed_db` [m], at most 100 km; None if it
-        is too low everywhere.
-        """
+        """Largest distance with an ENR of `needed_db` [m], at most 100 km; None if nowhere."""
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

@@ -9,9 +9,7 @@ _Floats = NDArray[np.float64]
 def tangents(
     state_m: tuple[float, float], place_m: tuple[float, float], radius_m: float
 ) -> tuple[_Floats, _Floats]:
-    """Return the end points of three paths: to the nearest edge of a circle, and to its two
-    tangent points.
-    """
+    """Ends of three paths: to a circle's nearest edge, and to its two tangent points."""
     dx, dy = place_m[0] - state_m[0], place_m[1] - state_m[1]
     distance = max(float(np.hypot(dx, dy)), 1e-6)
     course = np.arctan2(dx, dy)

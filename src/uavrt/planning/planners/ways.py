@@ -14,9 +14,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CandidatePaths:
-    """Straight paths from the drone's position, with the results of the checks whether they may
-    be flown.
-    """
+    """Straight paths from the drone, with the results of the checks on them."""
 
     east_m: _Floats
     """East coordinate of each candidate path's end [m], shape (paths,)."""
@@ -24,11 +22,9 @@ class CandidatePaths:
     refused: list[str | None]
     """For each candidate path, the reason why it must not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """True for paths refused only because they may come too close to an animal, shape
-    (paths,)."""
+    """True for paths refused only for being too close to an animal, shape (paths,)."""
     kept: _Floats
-    """Probability that each path keeps the set distance from the animal most at risk, shape
-    (paths,)."""
+    """Probability that a path keeps the distance from the animal most at risk, (paths,)."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -55,9 +51,7 @@ def headings(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths, including stays at their ends, are allowed by the area, other drones
-    and animals.
-    """
+    """Check paths, with stays at their ends, for area, other drones and animals."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -88,9 +82,7 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones' paths; a drone that is already too close may only
-    move away.
-    """
+    """Refuse paths close to other drones'; a drone too close may only move away."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -106,9 +98,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Return the checked candidate "stay here for one planner cycle" as a path of zero
-    length.
-    """
+    """Checked candidate of staying for one planner cycle: a path of zero length."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)

@@ -70,9 +70,7 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Indices of the tasks that were not started, and of those that were running when a worker
-    crashed.
-    """
+    """Indices of the tasks not started, and of those running when a worker crashed."""
 
     undone: list[int]
     interrupted: list[int]
@@ -144,9 +142,7 @@ def run_in_pool(
 
 
 def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
-    """Submit a task with the data that it needs; if the data cannot be loaded, its result is a
-    failure.
-    """
+    """Submit a task with its data; if the data cannot be loaded, its result is a failure."""
     try:
         return pool.submit(task.packed())
     except UavrtError as error:
@@ -232,9 +228,7 @@ def run_here(
 def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error becomes a failure as its result, so that the run
-    continues.
-    """
+    """Run a task; an unexpected error becomes a failure, so that the run continues."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

@@ -32,11 +32,9 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Properties of a train: interval and its standard deviation [s], frequency [Hz], and
-detectors."""
+"""Interval of a train and its standard deviation [s], frequency [Hz], detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Result for one train: its index, its tag, other possible tags, and True if all competitors
-are confirmed."""
+"""Train's index, its tag, other possible tags; True if competitors are confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
@@ -90,13 +88,11 @@ class IntervalSeparation:
     gap_s: float
     """Difference between the nearest intervals of two tags in one band [s]."""
     certain: bool
-    """True if each of two tags, received alone, is identified while its errors are in
-    bounds."""
+    """True if each of two tags, received alone, is identified within its errors."""
     uncertainty_s: float
     """Interval uncertainty in the tag list below which both tags are identified [s]."""
     pulses: int | None
-    """Number of pulses needed to distinguish the intervals; None if the intervals drift by more
-    than they differ."""
+    """Pulses needed to distinguish the intervals; None if they drift by more."""
     seconds: float | None
 
 
@@ -108,8 +104,7 @@ class _Learnt:
     bound: float
     """Relative uncertainty of the tag's measured interval."""
     otherwise_ns: float | None = None
-    """Time at which the tag was first received with an interval other than the stored one [ns];
-    None: never."""
+    """Time of the first pulse at another than the stored interval [ns]; None: never."""
 
 
 class ConfirmedPulses:

@@ -73,8 +73,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and end its control by uavrt. If this raises an error, a pilot must stop
-    the drone.
-    """
+    """Stop the drone and uavrt's control of it; if this raises, a pilot must stop the drone."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

@@ -38,8 +38,7 @@ from uavrt.guidance.safety import SAFETY
 from uavrt.link.tunnel.own_messages.motion_messages import MAX_PLACES, MotionState
 
 SILENCE_NS = ns_from_s(6.0)
-"""Time without the drone's report after which its motion counts as unknown [ns]; the drone
-reports once a second."""
+"""Time without a report after which a drone's motion is unknown [ns]; it sends one a second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")

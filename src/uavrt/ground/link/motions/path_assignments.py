@@ -18,8 +18,7 @@ means that the drone has restarted."""
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
-"""Time after the first report for which no paths are assigned, so that all drones can report
-[s]."""
+"""Time after the first report without path assignments, so that all drones can report [s]."""
 _ROUND = 0x10000
 
 
@@ -31,8 +30,7 @@ class _Member:
     granted: int = 0
     denied: int = 0
     path: tuple[tuple[float, float], ...] = ()
-    """Points of the path that is assigned but not yet flown, as (latitude, longitude) in
-    degrees."""
+    """Points of the assigned path not yet flown, as (latitude, longitude) in degrees."""
 
 
 class PathAssignments:

@@ -111,9 +111,7 @@ class CommandEncoder:
         return FieldsG1.of(number, values).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Return a command's number in the drone's protocol version; `LinkError` if it has
-        none.
-        """
+        """Command's number in the drone's protocol version; `LinkError` if it has none."""
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:

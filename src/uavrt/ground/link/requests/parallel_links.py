@@ -137,8 +137,7 @@ class DroneLinks:
         self._pulses_by = 0
         self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
-        """For each system id: index of the link whose autopilot frames are used, and time of
-        the last [ns]."""
+        """By system id: index of the link whose autopilot frames are used, last time [ns]."""
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -146,9 +145,7 @@ class DroneLinks:
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all links, or use those of another session; return the tasks that retry failed
-        links.
-        """
+        """Open all links, or use another session's; return the tasks that retry failed ones."""
         self._shared.listen(self._receive)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
@@ -174,9 +171,7 @@ class DroneLinks:
             self._shared.write(message, number)
 
     def best(self) -> list[int]:
-        """Indices of the links in the order in which to try them; links with the drone come
-        first.
-        """
+        """Indices of the links in the order to try them: those with the drone first."""
         now_ns = self._clock_ns()
         return sorted(
             range(max(1, self._shared.count)),

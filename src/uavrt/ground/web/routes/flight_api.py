@@ -103,9 +103,7 @@ class FlightApi:
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """Return pulses as float64 columns named in a header; ``?names=tag_id,yaw_deg``
-        selects.
-        """
+        """Pulses as float64 columns named in a header; ``?names=tag_id,yaw_deg`` selects."""
         names = request.query_params.get("names")
         return await self._of(
             request,

@@ -32,9 +32,7 @@ class IntegrationJobs:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start the search of a flight, or return its progress; an empty `dem` means level
-        ground.
-        """
+        """Start the search of a flight, or return its progress; no `dem`: level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_run_integrate(flight, dem))

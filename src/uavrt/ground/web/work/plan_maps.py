@@ -34,8 +34,7 @@ _MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
 _FARTHEST_M = 50_000.0
 """Largest distance of a plan's points from its first point [m]."""
 _MOST_CELLS = 45_000
-"""Maximum number of cells of a map. Maps below the limit have cells of 20 m and a margin of 2
-km, as in `uavrt coverage`."""
+"""Maximum number of a map's cells; smaller maps have 20 m cells and a margin of 2 km."""
 _MOST_PULSES = 20_000
 """Maximum number of simulated pulses for the maps of all heights; more would take minutes."""
 
