@@ -52,8 +52,7 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write GeoTIFF and PNG coverage maps of tags that were not found, and remove outdated
-    maps.
+    """Write GeoTIFF and PNG maps of tags that were not found, and remove outdated maps.
 
     `maps` come from `silent_maps`, by tag id. Map files of other tags in `tag_ids` are
     removed.

@@ -58,10 +58,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure how many processor cores the search for tags needs.
-
-    Uncoded tags count as 0.0 if their estimated cost is small in total.
-    """
+    """Processor cores that the search for tags needs; 0.0 for uncoded, cheap ones."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings

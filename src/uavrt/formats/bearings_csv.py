@@ -67,10 +67,7 @@ class BearingRow:
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv or a file of bearings noted by hand; comments are skipped.
-
-    Raises `FormatError` if the file cannot be read.
-    """
+    """Read a bearings.csv or bearings noted by hand; `FormatError` if it is unreadable."""
     rows: list[BearingRow] = []
     names: list[str] = []
     columns: dict[str, int] = {}

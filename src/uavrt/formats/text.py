@@ -23,10 +23,7 @@ _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file or gzipped text file.
-
-    Line ends, a byte order mark and NUL characters are removed.
-    """
+    """Lines of a text or gzipped file, without line ends, byte order mark and NULs."""
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -167,10 +164,7 @@ def longitude(cell: str) -> float:
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Parse a latitude and longitude [deg]; None if a cell is empty or not a number.
-
-    Raises `ValueError` for a latitude beyond ±90° or a longitude beyond ±360°.
-    """
+    """Latitude and longitude [deg], or None; `ValueError` beyond ±90° or ±360°."""
     return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 

@@ -161,8 +161,7 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False if the drone already detects, so that detection need not be
-        started.
+        """Send the tags; False if the drone already detects and needs no start.
 
         A restarted station that finds its own tags on the drone continues as if it had started
         detection. If another station has started detection, it continues and its pulses are

@@ -204,10 +204,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Return the smallest distance of each straight path from a line segment [m].
-
-    It is 0 if they cross.
-    """
+    """Smallest distance of each straight path from a line segment [m]; 0 if they cross."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -317,8 +314,7 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path, or the return home from it; None if they do
-        not.
+        """Reason why excluded areas forbid a path, or the return home from it; or None.
 
         The path is given as points, the first of which is its start; the segments between
         points are also checked.
@@ -366,10 +362,7 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Reason why a path must not be flown at a height above home; None if it may.
-
-        The path is given as points; the segments between them are also checked.
-        """
+        """Why a path of points must not be flown at a height above home; None if it may."""
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         faults = self._faults(x[None], y[None], height_m, here)

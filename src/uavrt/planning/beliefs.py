@@ -77,8 +77,7 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Return a received pulse's level deviation [standard deviations], corrected for the
-    detection threshold.
+    """Level deviation of a received pulse [standard deviations], given the threshold.
 
     Far from a tag only its strongest pulses reach the threshold. So the deviation is the normal
     deviate with the same probability as the pulse's level, given that it exceeded the
@@ -93,8 +92,7 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Stationary interferer whose signal may be received as the tag's, with its position and
-    probability of existence.
+    """Stationary interferer, perhaps received as the tag: position and probability.
 
     Its tracker weights each pulse by the probability that it came from the interferer and not
     from the tag.

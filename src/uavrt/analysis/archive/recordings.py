@@ -310,8 +310,7 @@ def _recording(file: Path) -> Recording:
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read a manifest of recordings, which is a CSV file with the columns of
-    `MANIFEST_COLUMNS`.
+    """Read a manifest of recordings: a CSV file with the columns of `MANIFEST_COLUMNS`.
 
     Relative paths are relative to the manifest's folder. Empty cells are unknown values.
     """

@@ -94,8 +94,7 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Return the antenna's positions and heights above ground, one for each pulse interval, and
-    the map's limitations.
+    """Antenna's positions and heights at each pulse interval, and the map's limitations.
 
     If `listened` is given, only times in these spans with samples are used.
     """

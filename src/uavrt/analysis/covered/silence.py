@@ -282,8 +282,7 @@ def silent_map(
     antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
-    """Compute where a flight would have detected a tag, with the link budget of `uavrt
-    coverage`.
+    """Where a flight would have detected a tag, with the budget of `uavrt coverage`.
 
     Without `elevation` the ground is assumed level; without `antenna` the flight's antenna is
     used. `on_pulse` is called with the number of computed pulses and their total.
@@ -308,8 +307,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Compute coverage maps of the tags that were not found in the flight just analysed, by tag
-    id.
+    """Coverage maps of the tags not found in the flight just analysed, by tag id.
 
     These are the maps of `uavrt coverage FLIGHT`, computed before the results are saved. Tags
     that were received, or may have been, get no map. Parameters and errors are as in
@@ -349,8 +347,7 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which the detection probability is at least 0.9 everywhere
-    [m]; None if nowhere.
+    """Distance around a path within which the probability is 0.9 or more [m]; None if nowhere.
 
     Cells of unknown ground height count as not detected, and the distance cannot exceed the
     map's extent. `east_m` and `north_m` (n,) are the path in the map's plane.

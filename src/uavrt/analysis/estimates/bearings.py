@@ -157,8 +157,7 @@ def past_turns(
     *,
     excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """Return the pulses of each turn in past flights of the same drone with the same antenna,
-    by flight.
+    """Pulses of each turn in past flights of the same drone and antenna, by flight.
 
     Flights in the same folder are read, newest first, until there are enough turns.
     """

@@ -366,8 +366,7 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Number of columns of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for any
-    other file.
+    """Number of columns of a bearings.csv (10, 11) or positions.csv (up to 8), else 0.
 
     Both kinds begin with a number and a file name, which no pulse log does.
     """
@@ -433,8 +432,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Exclude logs that share at least half of their pulses, at equal positions, with a longer
-    log.
+    """Exclude logs that share half of their pulses, at equal positions, with a longer log.
 
     A pulse recorded at two positions was received by two drones, so both logs are kept.
     """

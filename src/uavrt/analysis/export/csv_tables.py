@@ -73,11 +73,7 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Return rows for the original UAV-RT's ``bearings.csv``.
-
-    Turns without a clear direction are excluded, since the format has no column to mark
-    them.
-    """
+    """Rows of the original's ``bearings.csv``, without turns of unclear direction."""
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
@@ -159,8 +155,7 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events for Movebank: one for a resting tag, one for each point of a
-    moving tag's path.
+    """Write positions as Movebank events: one of a resting tag, one per point of a path.
 
     The event of a resting tag has the time of its last bearing. Movebank recognises the column
     names when the file is uploaded.

@@ -175,8 +175,7 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share at least half of their pulses, with equal tag, start (0.5 ms)
-    and level (0.1 dB).
+    """True if two records share half of their pulses in tag, start and level.
 
     Times are compared without rounding, since all pulses could lie at the edge of a rounding
     step.

@@ -1,5 +1,4 @@
-"""Information that people add to a flight report: who flew which aircraft, and under which
-permit.
+"""Information that people add to a report: who flew which aircraft under which permit.
 
 It is in ``report.toml`` in the flight's directory, or in the folder above it, so that one file
 serves all flights of a season. docs/how-to/report-and-export.md has an example.

@@ -54,11 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Return warnings about pairs of logs in which the same tag's pulses have different times.
-
-    This finds wrong clocks in logs that overlap, such as those of a mast that records all
-    day.
-    """
+    """Warn of overlapping logs in which the same tag's pulses have different times."""
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs

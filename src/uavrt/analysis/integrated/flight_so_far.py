@@ -1,5 +1,4 @@
-"""Analyse a flight that is still in progress as a whole, from the radio channels recorded so
-far.
+"""Analyse a flight in progress as a whole, from the radio channels recorded so far.
 
 The method is that of `uavrt.analysis.whole_flights.judged_flights`. Pulse energies are computed
 only once (`uavrt.localization.whole_flight.energies.growing`). Each repetition of the search

@@ -1,5 +1,4 @@
-"""Split a band into channels and send them as datagrams in the format of the original UAV-RT
-system.
+"""Split a band into channels, sent as datagrams in the original UAV-RT's format.
 
 This implements ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` in a chain of
 the original's programs: ``airspy_rx | csdr | netcat`` send samples to it, and detectors receive
@@ -38,8 +37,7 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the given channels, numbered as in the original UAV-RT, or of all
-    channels.
+    """Set up the filters of given channels, numbered as in the original UAV-RT, or all.
 
     A negative number means that the channel is also sent to its second port. `mode` selects the
     original's filter bank (3750 samples/s), or one that is twice oversampled and without

@@ -92,8 +92,7 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with equal gaps, one burst per row; None if the bursts are not
-    regular.
+    """Measure a code from bursts with equal gaps, one per row; None if irregular.
 
     Gaps are measured between the pulses' middles, which are more accurate than their starts.
     They are then corrected for the mean width of each pulse in the burst.
@@ -114,8 +113,7 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts; None if there is
-    none.
+    """Longest burst interval that divides all times between bursts; None without one.
 
     If every second burst is lost, the shortest time between two bursts contains more than one
     interval.
@@ -186,8 +184,7 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the middle and the width [s] of each pulse, at half its height in the filter's
-    output.
+    """Middle and width [s] of each pulse, at half its height in the filter's output.
 
     At the filter's output, the amplitude of a rectangular pulse rises and falls linearly.
     """

@@ -225,8 +225,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Return the pulse's energy divided by the noise density measured before the pulse, within
-    600 Hz of it.
+    """Pulse's energy over the noise density before it, within 600 Hz of the pulse.
 
     The noise is the median of the spectrum, since a nearby carrier may fill some of its
     bins.

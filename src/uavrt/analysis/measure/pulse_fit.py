@@ -20,8 +20,7 @@ SMOOTH_S: Final = 0.002
 """Hann window that removes signals over 1 kHz off [s]; it leaves edges in place."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
-"""Ratio of a sample's power to the median power on both sides from which the sample counts as
-an impulse.
+"""Power ratio of a sample to the median on both sides that makes it an impulse.
 
 Noise reaches it once in a million samples. At a pulse's edge, one side is as strong as the
 sample."""
@@ -209,8 +208,7 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Interpolate both edges to a fraction of a sample, by the amplitudes of the samples at the
-    edges.
+    """Interpolate both edges to a fraction of a sample, by the amplitudes there.
 
     A sample at the edge of a pulse has the share of the amplitude that the pulse covers. Each
     edge is shifted until the summed amplitude agrees with that inside the pulse.

@@ -104,11 +104,7 @@ def region_lines(position: Position, share: int) -> list[list[Point]]:
 
 
 def rings95(position: Position) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region; without a probability grid, the 95 % ellipse or
-    circle.
-
-    They are for local maps and are not cut at the 180° meridian.
-    """
+    """Outlines of the smallest 95 % region, else ellipse or circle; uncut, for local maps."""
     if position.grid is not None:
         return _outlines(position.grid, 0.95)
     area = region95(position)

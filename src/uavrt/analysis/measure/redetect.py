@@ -95,10 +95,7 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Add the antenna's poses in a flight to pulses; return them in order of time and tag.
-
-    A pulse outside the time span of the flight gets no pose.
-    """
+    """Add a flight's antenna poses to pulses, by time and tag; None outside the flight."""
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:

@@ -1,5 +1,4 @@
-"""Draw the results of a detection run for each tag: waterfall with pulses, folded pulses, SNR
-over time.
+"""Draw a detection run for each tag: waterfall with pulses, folded pulses, SNR.
 
 Matplotlib, from the extra ``uavrt[analysis]``, is used without pyplot and without a display.
 The colours are those of Okabe and Ito (2008), which people with any kind of colour vision can

@@ -1,5 +1,4 @@
-"""Give pulses the poses from another program's log, and estimate the offset between the two
-clocks.
+"""Give pulses poses from another program's log, and estimate the clocks' offset.
 
 An offset is rejected if another one at least 5 s away fits nearly as well (misfit within 15 %).
 It is also rejected if its standard deviation (by a jackknife over eighths of the flight)
@@ -183,8 +182,7 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset, by a jackknife over consecutive eighths of the
-    flight [s].
+    """Standard deviation of the best offset by a jackknife over the flight's eighths [s].
 
     Errors of neighbouring pulses are correlated, so whole time spans are omitted (Künsch 1989,
     The jackknife and the bootstrap for general stationary observations).
@@ -211,10 +209,7 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Sum of squared SNR residuals for a tag at each place [dB²], shape (places,).
-
-        The model is antenna pattern and distance; the level is fitted.
-        """
+        """Sum of squared SNR residuals at each place [dB²], (places,), the level fitted."""
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -226,8 +221,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Return the smallest sum of squared residuals near a position [dB²], found on
-        successively finer grids.
+        """Smallest sum of squared residuals near a position [dB²], on ever finer grids.
 
         The first grid is as wide as the cells of the polar grid at the position's distance from
         `middle`.
@@ -312,8 +306,7 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual at a clock offset [dB²], with the best position of each
-        tag.
+        """Mean squared SNR residual at a clock offset [dB²], with each tag's best position.
 
         Power falls with the square of the distance. The candidate positions are a polar grid
         around the path.
@@ -325,8 +318,7 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Return a function like `power_misfit` for nearby offsets, with tag positions accurate
-        to a metre.
+        """Function like `power_misfit` for nearby offsets, with tags placed to a metre.
 
         The cells of the polar grid are tens of metres wide, but the bearing of a turn is more
         accurate. Without this step, the best offset would be the one that rotates all bearings
@@ -373,8 +365,7 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude clock offsets at which the track covers fewer than 80 % of the pulses covered
-        at the best offset.
+        """Exclude offsets at which the track covers less than 80 % of the best one's pulses.
 
         Raises `UsageError` if even the best offset covers too few pulses for an estimate.
         """

@@ -1,5 +1,4 @@
-"""Search whole flights for tags that are too weak for single groups of pulses, as in ``uavrt
-integrate``.
+"""Search whole flights for tags too weak for groups of pulses, as ``uavrt integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of the flight. Each tag is
 found or not found, at a given probability of a false alarm in the flight. For a tag that is

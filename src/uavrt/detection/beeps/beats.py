@@ -137,10 +137,7 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses at an interval, minus half the number of missing pulses.
-
-    Without this deduction, half of the true interval would score as much.
-    """
+    """Pulses at an interval minus half the missing ones, so that half of it scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 

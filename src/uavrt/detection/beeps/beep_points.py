@@ -60,10 +60,7 @@ NO_POINTS: Final = Points(*np.zeros((5, 0)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Levels of spectrogram cells: power relative to the usual power at their frequency.
-
-    Levels are computed only when they are read.
-    """
+    """Levels of cells, computed when read: power over the usual power at the frequency."""
 
     power: NDArray[np.float32]
     """(frames, bins) power of the spectrogram, not yet divided by each bin's usual power."""
@@ -83,10 +80,7 @@ class _Levels:
 
 
 class PointSearch:
-    """Finds pulses in a stream of samples.
-
-    `most_cells`: largest number of cells of the spectrogram that are searched at once.
-    """
+    """Finds pulses in a stream; `most_cells`: most spectrogram cells searched at once."""
 
     def __init__(
         self,

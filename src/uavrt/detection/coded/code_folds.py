@@ -41,10 +41,7 @@ class Found:
 
 
 class Waiting:
-    """Weak bursts (seeds) that are stored until their sums can be computed.
-
-    They are grouped by the time at which this is possible.
-    """
+    """Weak bursts (seeds), grouped by the time at which their sums can be computed."""
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}

@@ -261,10 +261,7 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add columns to several searches with equal settings; return each one's candidates.
-
-    The best candidate comes first.
-    """
+    """Add columns to several searches of equal settings; each one's candidates, best first."""
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

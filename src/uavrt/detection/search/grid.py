@@ -401,19 +401,13 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """View of overlapping windows of contiguous samples, without a copy.
-
-    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
-    """
+    """View of overlapping windows of contiguous samples; quicker than as_strided, checked."""
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over `reach` columns on each side; the result lacks `reach` columns at each end.
-
-    The work grows with the logarithm of `reach`.
-    """
+    """Maximum over `reach` columns on each side, without `reach` columns at the ends."""
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
     # As one long row: values that cross into the next row are cut off with the margins.

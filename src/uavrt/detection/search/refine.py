@@ -150,10 +150,7 @@ class Refiner:
         *,
         spread: float,
     ) -> Measured | None:
-        """Find a pulse that lost samples in its middle, where its phase is broken.
-
-        Parameters as in `search`.
-        """
+        """Find a pulse whose phase is broken by lost samples; parameters as in `search`."""
         window, buffer = self._window, self._buffer
         lead = math.ceil(half_width)
         length = window + 2 * lead + 1

@@ -206,10 +206,7 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if there are pulses between those of a group that show the tag's other rate.
-
-        Every second pulse sent at one rate makes a train of twice the interval.
-        """
+        """True if pulses between a group's show the tag's other rate, of half the interval."""
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
         nominal = self._tag.pulse_intervals_s

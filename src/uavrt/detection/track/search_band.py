@@ -166,10 +166,7 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that must be equal for bands to be run in one call of `advance_together`.
-
-        None: the band is searched alone.
-        """
+        """Properties that bands run by one `advance_together` share; None: searched alone."""
         spectrogram = self._spectrogram
         first = spectrogram.needed()
         if first < 0 or not self._noise.ready or self._kind is None:

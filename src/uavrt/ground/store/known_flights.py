@@ -1,7 +1,4 @@
-"""Cache of flight summaries on the disk, since reading thousands of databases takes seconds.
-
-The cache file can be deleted at any time.
-"""
+"""Cache of flight summaries, as reading thousands of databases takes seconds; deletable."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""Serve the page: the station and its web server together.
-
-``uavrt ground`` and ``uavrt demo`` call this; it needs the extra ``uavrt[ground]``.
-"""
+"""Serve the page: the station and its web server together (extra ``uavrt[ground]``)."""
 
 import asyncio
 import contextlib

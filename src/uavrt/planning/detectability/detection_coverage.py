@@ -1,5 +1,4 @@
-"""Compute the probability that a tag at each map cell is detected along a planned or flown
-path.
+"""Compute the probability that a tag at each map cell is detected along a path.
 
 The expected pulses are divided into groups of K, the number that the detector sums. Link
 budget, antenna pattern and terrain give a group's mean energy, which determines the probability

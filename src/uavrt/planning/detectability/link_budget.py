@@ -1,5 +1,4 @@
-"""Compute the range at which a tag is detected, from transmitted power, path loss, antenna and
-noise.
+"""Compute the range at which a tag is detected, from power, path loss, antenna, noise.
 
 The ratio of a pulse's energy to the noise density is ENR = EIRP + antenna gain - mismatch -
 loss + 10 log10(pulse width) - noise density. The loss is that of free space, 20 log10(4 pi d /

@@ -34,8 +34,7 @@ class WholeFlightModel:
     row_bins: float = 0.5
     """Distance between neighbouring frequencies searched for a tag [1 / pulse width]."""
     loss_db: float = -0.8
-    """Fitted correction [dB], subtracted from the energies, for pulses that lie between time
-    slots, frequencies and searched intervals.
+    """Correction for pulses between time slots, frequencies and intervals [dB].
 
     With it, 400 pulses of a turning antenna need an ENR of 2.3 dB, as measured (I2)."""
 

@@ -50,8 +50,7 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Return a copy whose power scale is updated by the predicted and the used energy of a
-        part of the flight.
+        """Copy whose power scale is updated by predicted and used energy of a flight's part.
 
         An unlikely ratio, as from an unknown payload, is accepted but increases the
         uncertainty, because the drone must reach home in any case. `sigma_wh` is the standard

@@ -1,5 +1,4 @@
-"""Default planner, which chooses the path that gives the most information per second on all
-tags not yet found.
+"""Default planner: the path with most information per second on all tags not found.
 
 It rates paths of several lengths in sixteen directions, paths to each tag and past it on both
 sides, and a turn in place. Information on a tag counts only up to the amount still needed to
@@ -201,8 +200,7 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while every tag is far from its target accuracy; candidate paths then cover all
-        directions.
+        """True while every tag is far from its accuracy; all directions are explored then.
 
         Otherwise only paths to the tags are rated. A path past many walking tags would give a
         little information on each again and again, and never find one.

@@ -1,5 +1,4 @@
-"""Record each finished recording and flight in a file of its own, so that a crash loses no
-finished work.
+"""Record each finished recording and flight in its own file: crashes lose no work.
 
 A row is written after its tables have reached the disk, and contains their digests. So after a
 crash or power cut every row has complete tables. Tables without a row are removed, and a row

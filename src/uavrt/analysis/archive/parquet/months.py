@@ -101,8 +101,7 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of the usable monthly files; for the others return the reason why they
-    cannot be used, by path.
+    """Read the index of usable monthly files; for others return the fault by path.
 
     With `thorough` all monthly files are read; otherwise only their sizes and times are
     compared.

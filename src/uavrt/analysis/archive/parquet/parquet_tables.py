@@ -196,8 +196,7 @@ def need_pyarrow() -> None:
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Return the Parquet schema of a record type; times appear also as timestamps
-    (``start_utc``).
+    """Parquet schema of a record type; times appear also as timestamps (``start_utc``).
 
     Pulses get additional columns for recording and cell; `flight` adds a column for the
     flight.
@@ -230,8 +229,7 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Return metadata that make pandas use nullable types, so that columns keep their type in
-    spite of nulls.
+    """Metadata by which pandas uses nullable types, so that columns keep them with nulls.
 
     See https://pandas.pydata.org/docs/development/developer.html.
     """

@@ -1,5 +1,4 @@
-"""Divide recordings into cells of equal duration, so that results do not depend on the number
-of workers.
+"""Divide recordings into cells of equal duration, whatever the number of workers.
 
 The detector restarts in each cell. It also reads a lead-in before the cell, two minutes by
 default, so that noise estimates and tracks have settled when the cell begins.

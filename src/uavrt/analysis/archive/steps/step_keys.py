@@ -18,8 +18,7 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the hashes of the inputs of a flight's steps, once for a directional antenna and
-    once for a monopole.
+    """Hashes of the inputs of a flight's steps, for a directional antenna and a monopole.
 
     They depend on the flight's present files, its pulses and the settings.
     """

@@ -12,10 +12,7 @@ from uavrt.ground.link.received.clock_skew import ClockSkew
 
 
 class DroneReports:
-    """Latest reports of a drone.
-
-    `now_ns`: time from which the time without contact is counted.
-    """
+    """Latest reports of a drone; until the first, contact is lost since `now_ns`."""
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None

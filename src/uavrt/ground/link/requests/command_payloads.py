@@ -18,10 +18,7 @@ NUMBERED_FROM = 2**31
 
 
 class CommandEncoder:
-    """Encodes commands for one protocol version of the drone.
-
-    In version G2 each command gets a request id, never 0.
-    """
+    """Encodes commands for one protocol version; in G2 each has a request id, never 0."""
 
     def __init__(self, generation: Generation) -> None:
         self._generation: Generation = generation

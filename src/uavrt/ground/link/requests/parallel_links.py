@@ -32,10 +32,7 @@ Listener = Callable[[Frame, int], None]
 
 
 class Links:
-    """The links of a ground station.
-
-    `signing`: signs frames, with a different signing link id for each link.
-    """
+    """The links of a ground station; `signing` signs frames, with an id for each link."""
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -116,10 +113,7 @@ class Links:
 
 
 class DroneLinks:
-    """The links to one drone.
-
-    `links`: links shared with other drones; None: links of its own.
-    """
+    """The links to one drone; `links`: shared with other drones, None: its own."""
 
     def __init__(
         self,
