@@ -18,9 +18,8 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png (picture).
-
-    The picture is drawn as in a report; without matplotlib it shows only the map's cells.
+    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png, drawn as in
+    a report or, without matplotlib, with only the map's cells.
     """
     ground = coverage.ground
     grid = PositionGrid(

@@ -142,9 +142,8 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Return the number of batteries and the charge used, over all vehicles.
-
-    Of several copies of a flight, only the one with the most battery reports is counted.
+    """Return the number of batteries and the charge used, over all vehicles; of several copies
+    of a flight, the one with the most battery reports counts.
     """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0

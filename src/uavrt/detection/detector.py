@@ -173,9 +173,8 @@ class PulseDetector:
             self.take(samples, time_ns)
 
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
-        """Add a block without searching; return its length, 0 if it was refused.
-
-        A `DetectorGroup` calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
+        """Add a block without searching; return its length, 0 if refused. A `DetectorGroup`
+        calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
         """
         self._longest.note(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
@@ -200,10 +199,8 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which the samples can be searched after a new block; None: wait for more.
-
-        `length`: length of the new block [samples]. The search must not wait for another block
-        if that would make it late.
+        """Index up to which the samples can be searched after a new block of `length` samples;
+        None: wait for more, as long as the search is not late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:

@@ -1,9 +1,8 @@
 """Run many detectors in one process, at a lower cost than separately.
 
-A detector searches every 0.44 s. Blocks in between are stored here, once for all tags of a
-channel. Detectors whose search is due at one sample are computed together. The reported pulses
-equal those of separate detectors, except where search bands overlap: there each train of pulses
-is assigned to one tag. The latency is 0.25 s on average and at most 0.47 s.
+Blocks are stored once for all tags of a channel, and detectors due at one sample search
+together. Pulses equal those of separate detectors, except where bands overlap: there each train
+of pulses is assigned to one tag. Latency is 0.25 s on average, 0.47 s at most.
 """
 
 from collections.abc import Hashable, Iterable, Iterator

@@ -1,8 +1,7 @@
 """Measure how much CPU time the search for a tag list needs on this computer.
 
-This is done before the search starts. The cost grows with the square of K, and with the
-uncertainty of the interval and the search window. So detectors are run for a short time on
-noise and on simulated pulses of the tag.
+The cost grows with K², the interval's uncertainty and the search window. Before the search,
+detectors run for a short time on noise and simulated pulses of the tag.
 """
 
 from collections import Counter

@@ -122,10 +122,8 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that the powers of a group of K pulses reach the sum `limit` [noise powers].
-
-    The first power is that of a pulse's cell. Each other is the maximum of a pulse's cell and
-    `others` noise cells.
+    """Probability that the powers of K pulses reach the sum `limit` [noise powers]: one pulse's
+    cell, and maxima of a pulse's cell and `others` noise cells.
     """
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:

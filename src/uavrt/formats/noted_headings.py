@@ -39,10 +39,9 @@ _UNIT = re.compile(r"\s*[(\[].*[)\]]\s*$")
 
 
 def noted_columns(heading: Iterable[str]) -> dict[str, int]:
-    """Return the places of the columns that a heading names, by their meanings.
-
-    The meanings are tag, latitude, longitude, easting, northing, zone, true, magnetic or
-    bearing, declination, sigma, time, date, clock, observer, true_latitude and true_longitude.
+    """Return the places of the columns that a heading names, by meaning: tag, latitude,
+    longitude, easting, northing, zone, true, magnetic or bearing, declination, sigma, time,
+    date, clock, observer, true_latitude and true_longitude.
     """
     places = {_plain(name): place for place, name in reversed([*enumerate(heading)])}
     found: dict[str, int] = {}

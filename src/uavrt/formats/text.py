@@ -83,10 +83,8 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading, each from the cells in the given `columns`.
-
-    A last row that cannot be parsed is left out, because it was truncated while being written.
-    `cells` splits a line, and `names` reads the column names of the heading.
+    """Parse the rows of a table with a heading, each from the cells in the given `columns`,
+    without a truncated last row. `cells` splits a line; `names` reads the heading.
     """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
@@ -121,9 +119,8 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert a spreadsheet's lines to commas between cells and points in decimal numbers.
-
-    Spreadsheets in many countries write semicolons or tabs, and decimal commas.
+    """Convert a spreadsheet's lines to commas between cells and points in decimal numbers, from
+    semicolons or tabs and decimal commas.
     """
     separator = separator_of(lines)
     if separator == ",":
@@ -169,9 +166,8 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert a text with seconds since 1970 to nanoseconds without rounding.
-
-    A float resolves present times only to 240 ns, so the decimals are read as digits.
+    """Convert a text with seconds since 1970 to nanoseconds by its digits, as a float resolves
+    present times only to 240 ns.
     """
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():

@@ -85,10 +85,8 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True if a path is a file. On a web server it must exist and have a file extension.
-
-    A web server does not report whether a path is a folder, and listing a file would download
-    it.
+    """True if a path is a file; on a web server, which does not report folders, if it exists
+    and has a file extension, as listing a file would download it.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))

@@ -40,11 +40,8 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight would have detected a tag at each map position.
-
-    With `whole_flight` all pulses are combined, as in whole-flight analysis; otherwise each
-    group of pulses is considered separately. If `listened` is given, the tag can be received
-    only in these time spans.
+    """Probability that a flight would have detected a tag at each map position: by groups of
+    pulses, or with `whole_flight` by all pulses; in `listened` spans only, if given.
     """
     way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)

@@ -127,9 +127,8 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Read a flight's noise and create a map grid around it, by default 120 cells wide.
-
-        Stored whole-flight results are read unless `verdicts` are given.
+        """Read a flight's noise and create a map grid around it, by default 120 cells wide;
+        stored whole-flight results are read unless `verdicts` are given.
         """
         plane, east, north = flight_plane(flight)
         if cell_m is None:

@@ -142,7 +142,6 @@ def read_positions(
 
 def _numbered(tables: _Tables, same: SameTags) -> tuple[_Tables, dict[int, str]]:
     """Number tags that tables name: as the flights' tag of that name, else by unused numbers.
-
     Also returns the names by number.
     """
     rows = [row for _, every in tables for row in every]

@@ -58,10 +58,8 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Return the port of each burst; there is one port for each frequency of listed tags.
-
-    An unlisted tag is assigned to a listed frequency within 2 kHz. If there is none, it gets
-    the median of its bursts' frequencies, rounded to 1 kHz.
+    """Return the port of each burst, one for each frequency of listed tags. An unlisted tag is
+    assigned to one within 2 kHz, else to the median of its bursts, rounded to 1 kHz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]

@@ -254,10 +254,8 @@ def _overlay(
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
-    """West, south, east and north edge of a heat map [deg], computed along its middle lines.
-
-    The cells are squares in the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
-    less than a cell.
+    """West, south, east and north edge of a heat map [deg], along its middle lines; the tangent
+    plane's error at 3 km and 60° latitude is 1.2 m, less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))

@@ -129,11 +129,8 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Yield pairs of records, as indices, that may be of one flight by their times; at least
-    one has no pulses.
-
-    Two records of drones are copies only if they began in the same nanosecond, since many
-    drones' clocks start in 1970.
+    """Yield pairs of records, as indices, that may be of one flight by their times. Records of
+    drones must begin in the same nanosecond, as many clocks start in 1970.
     """
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
@@ -196,10 +193,8 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if two records, at least one without pulses, must be of separate flights.
-
-    This holds for two drones' records that began at different times, and for such records of
-    ground stations in one folder.
+    """True if two records, at least one without pulses, are of separate flights: those of
+    drones that began at other times, and of ground stations in one folder.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False

@@ -1,9 +1,6 @@
-"""Determine the noise that the drone itself causes in a flight, from its detectors'
-measurements.
-
-A receiver does not measure watts. So the noise is relative to the receiver's quietest time in
-the same flight: on the ground with motors off or, without such a time, the quietest tenth of
-the values.
+"""Determine the noise that the drone itself causes in a flight, from its detectors' reports:
+relative to the quietest time, on the ground with motors off or, without such a time, the
+quietest tenth of the values.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
-"""Find the times at which a flight has samples for a tag; a tag cannot be found at other times.
-
-A channel's ring buffer overwrites its oldest samples, recording stops when the storage is full,
-and a recording may be shorter than the flight.
+"""Find the times at which a flight has samples for a tag: ring buffers overwrite, storage fills
+up, and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
-"""Identify the same tags in several logs that are analysed together.
-
-Logs without a tag list number their frequencies from 1, and a listed number may be reused for
-another animal. So a tag is identified by its number and its frequency together.
+"""Identify the same tags in several logs, by number and frequency together, because logs
+without a list number frequencies from 1, and listed numbers are reused.
 """
 
 import math

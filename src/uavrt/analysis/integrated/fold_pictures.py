@@ -42,10 +42,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search.
-
-    The search excludes pulses that are strong enough to be detected alone. The folded signal
-    includes them, with a limited energy, as in `train_pulses`.
+    """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search,
+    but with the pulses that are strong enough to be detected alone.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))

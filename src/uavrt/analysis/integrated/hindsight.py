@@ -44,10 +44,8 @@ def save_integrated(
     results: Sequence[IntegratedTag],
     silent: Mapping[int, SilentMap] | None = None,
 ) -> Path:
-    """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
-
-    Pulses that are already in the flight's log are excluded. `silent` contains maps of tags
-    that were not found.
+    """Write a flight's whole-flight results and pulses into its folder ``integrated/``, without
+    pulses of the flight's log, and with the maps of `silent` tags.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -61,10 +59,8 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses that whole-flight analysis found in addition to those detected in flight.
-
-    These are the expected pulses whose energy is one that noise alone reaches in at most 5 % of
-    cases. Their score, group and noise density are unknown.
+    """Pulses that whole-flight analysis found besides those detected in flight: expected ones
+    whose energy noise has in 5 % of cases at most. Score, group and noise density are unknown.
     """
     if not result.found:
         return []

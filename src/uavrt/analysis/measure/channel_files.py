@@ -113,10 +113,9 @@ def channelize(
     should_stop: Callable[[], bool] = lambda: False,
     summary: ChannelizeSummary | None = None,
 ) -> ChannelizeSummary:
-    """Send the channels until the source ends or the run is stopped.
-
-    A file is played at `speed` times real time, because a faster sender would overflow the
-    receiver's buffer; 0 means no limit. `summary` is updated during the run.
+    """Send the channels until the source ends or the run is stopped. A file is played at
+    `speed` times real time, lest it overflow the receiver's buffer; 0: no limit. `summary` is
+    updated.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

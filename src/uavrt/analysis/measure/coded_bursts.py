@@ -1,8 +1,5 @@
-"""Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
-
-Each pulse is detected separately, which is possible because the tag to be measured is near.
-Pulses within a quarter of a second form a burst. Bursts with equal gaps belong to one tag, and
-their times give the burst interval.
+"""Find coded tags in a recording, near enough that each pulse is detected: bursts of pulses
+within a quarter of a second that repeat with the same gaps.
 """
 
 import math

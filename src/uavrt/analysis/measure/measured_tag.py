@@ -50,10 +50,9 @@ class MeasuredTag:
     """Pulse intervals of the tag, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Return a tag list entry of at most two intervals, with margins for seasonal changes.
-
-        The tolerance of the interval is 1 %, or the measured uncertainty if that is greater.
-        The jitter is a quarter above the largest deviation.
+        """Return a tag list entry of at most two intervals, with margins for seasonal changes:
+        1 % or the measured uncertainty for the interval, a quarter above the largest deviation
+        for the jitter.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

@@ -134,10 +134,8 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, which are estimated from the outer quarters of the samples.
-
-    The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
-    peak of the remaining spectrum, fitted by least squares.
+    """Subtract steady carriers, each the peak of the remaining spectrum, fitted by least
+    squares to the outer quarters of the samples, without the pulse in the middle half.
     """
     count = samples.size
     outer = np.ones(count)

@@ -1,6 +1,5 @@
-"""Run the detectors over any source of samples in one thread, as ``uavrt detect`` does.
-
-Front end and detectors work as in a flight's processes, but without sockets between them.
+"""Run the detectors over any source of samples in one thread, as ``uavrt detect`` does: front
+end and detectors as in a flight, without sockets between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
-"""Search a flight's recording again, and write the pulses with their poses as a new flight.
-
-The result is an ordinary flight directory. Use this for tags that were added to the list after
-the flight, for another frequency window, or for a better detector.
+"""Search a flight's recording again, for new tags, another frequency window or a better
+detector, and write the pulses with their poses as a new flight directory.
 """
 
 import shutil

@@ -54,10 +54,8 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time.
-
-    `pulse_width_s` sets the length of the Hann window to one and a half pulses, so that it
-    covers a whole pulse.
+    """Spectrogram around one tag's frequency, and the strongest level at each time, by Hann
+    windows of one and a half times `pulse_width_s`.
     """
 
     def __init__(

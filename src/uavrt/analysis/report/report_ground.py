@@ -27,10 +27,8 @@ _Pixels = NDArray[np.float64]
 
 
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
-    """Draw the most detailed map that covers the axes, with its attribution.
-
-    The tiles' web Mercator projection is stretched linearly to the metres of the axes. Over 4
-    km the error is a few metres.
+    """Draw the most detailed map that covers the axes, with its attribution; Web Mercator is
+    stretched to metres, with an error of a few metres over 4 km.
     """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     (south, north), (west, east) = plane.to_geodetic([left, right], [low, high])

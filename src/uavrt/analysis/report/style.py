@@ -1,6 +1,5 @@
-"""Style of the report's figures. This is the only module that loads matplotlib.
-
-Figures are created without pyplot's global state, so reports can be created in threads.
+"""Style of the report's figures. This is the only module that loads matplotlib, without
+pyplot's global state, so that threads can create reports.
 """
 
 import base64

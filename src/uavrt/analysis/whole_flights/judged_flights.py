@@ -295,10 +295,8 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording, and return the samples of the front end's channels by channel number.
-
-    With `on_fault`, a damaged recording is used up to the fault, and `on_fault` is called with
-    its description.
+    """Read a recording, and return the samples of the front end's channels by number. With
+    `on_fault`, it gets the fault of a damaged one, used up to there.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use

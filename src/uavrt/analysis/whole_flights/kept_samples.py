@@ -79,10 +79,8 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
 def integrate_kept(
     flight: Flight, tags: Sequence[Tag], how: WholeFlightOptions
 ) -> list[IntegratedTag]:
-    """Search a whole flight for each tag, in the radio channels that it recorded.
-
-    Missing samples between files are treated as gaps; unreadable files are listed as
-    limitations.
+    """Search a whole flight for each tag, in the channels that it recorded. Missing samples
+    between files are gaps; unreadable files are listed as limitations.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)

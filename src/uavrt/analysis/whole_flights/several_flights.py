@@ -1,7 +1,5 @@
-"""Search several flights for one tag together, as in ``uavrt integrate``.
-
-Half of the false-alarm probability is used for all flights together. The other half is divided
-equally among the single flights. A resting tag has one position in all flights.
+"""Search several flights for one tag together, as in ``uavrt integrate``: with half of the
+false-alarm probability; the other half is divided among the single flights.
 """
 
 import math
@@ -189,10 +187,8 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Return the result of this flight for a tag that is found in all flights together.
-
-        The flight counts as showing the tag if its pulse train is the tag's with a probability
-        of 0.9 or more.
+        """Return the result of this flight for a tag that is found in all flights together; it
+        shows the tag if its train is the tag's with a probability of 0.9.
         """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])

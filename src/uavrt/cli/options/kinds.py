@@ -1,7 +1,5 @@
-"""Types of command-line options, with their limits.
-
-Every number on the command line has one of these types. "Not a number" and infinity would pass
-the comparisons of most validators, and fail far from the command line.
+"""Types of command-line options, with their limits: "not a number" and infinity would pass most
+validators, and fail far from the command line.
 """
 
 import math

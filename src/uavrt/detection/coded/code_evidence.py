@@ -1,8 +1,7 @@
 """Compute the evidence that pulses at the positions of a listed code are a burst of that code.
 
-The pulses of a burst are equally strong. Two alternatives are tested. One is noise. The other
-is an unlisted code: each of its pulses lies at a position of the listed code with a small
-probability, and never do all of them.
+A burst's pulses are equally strong. Alternatives are noise, and an unlisted code, whose pulses
+lie at the listed positions with a small probability and never all.
 """
 
 import math

@@ -1,8 +1,7 @@
 """Sum several bursts of a code, to detect bursts that are too weak one by one.
 
-A seed is a single burst slightly above the noise. It is stored until the following bursts have
-arrived. Then the largest sums of three bursts, and of K bursts, that include the seed are
-tested.
+A seed, a burst slightly above the noise, is stored until the following bursts have arrived.
+Then the largest sums of three and of K bursts that include it are tested.
 """
 
 import math

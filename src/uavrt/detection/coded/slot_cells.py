@@ -1,7 +1,5 @@
-"""Compute the pulse energy at every instant and frequency of a channel, relative to the noise.
-
-The matched filter of a rectangular pulse is a sum over its samples, computed at several
-frequencies. All codes use its output. Past cells are stored in one byte each.
+"""Compute the pulse energy at every instant and frequency of a channel, relative to the noise;
+all codes use it. Past cells are stored in one byte each.
 """
 
 import math

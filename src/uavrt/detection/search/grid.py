@@ -351,9 +351,8 @@ def make_grid(
 
 
 def slide_turns(length: int, rate_hz: float, slide_hz: float) -> NDArray[np.complex128]:
-    """Factors (length,) that make the frequency of a sliding pulse constant, at its middle's.
-
-    The frequency changes evenly by `slide_hz` during the pulse, of `length` samples.
+    """Factors (length,) that make the frequency of a sliding pulse constant, at its middle's;
+    it changes evenly by `slide_hz` during the `length` samples.
     """
     away = (np.arange(length) - (length - 1) / 2.0) / length
     return np.asarray(np.exp(-1j * np.pi * slide_hz * (length / rate_hz) * away**2))
@@ -381,10 +380,8 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Taps (an odd number) of a band-pass around the tag; aliases are outside ± `pass_hz`.
-
-    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
-    decimation; the rows of the transform are folded alike.
+    """Taps (an odd number) of a Kaiser band-pass around the tag; aliases are outside ±
+    `pass_hz`. The decimation folds the samples and the rows of the transform alike.
     """
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz

@@ -262,9 +262,8 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Noise levels of the present slots, for the search and for measuring pulses.
-
-        A rise among the newest slots may be a strong pulse: only the search counts it as noise.
+        """Noise levels of the present slots, for the search and for measuring pulses; a rise
+        among the newest may be a strong pulse, so only the search counts it.
         """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
@@ -403,10 +402,8 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last slot averaged for each slot.
-
-    If the levels before and after the slot agree, both sides are averaged; otherwise the side
-    of the higher level.
+    """First and last slot averaged for each slot: both sides if their levels agree, otherwise
+    that of the higher level.
     """
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
@@ -420,10 +417,9 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their noise levels differ; widen the higher side by one band.
-
-    The likeliest split comes first: fitting two means of exponentials instead of one raises the
-    log-likelihood by the sum of cells × ln(mean).
+    """Split the bands where their noise levels differ, the likeliest split first; widen the
+    higher side by one band. Two means of exponentials raise the log-likelihood by the sum of
+    cells × ln(mean).
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))

@@ -1,8 +1,7 @@
 """Estimate the noise power of each row from the statistic that is searched.
 
-The original detector estimates noise in whole bins and interpolates to the half bins. A carrier
-on a whole bin then raises the power in the half bins but not their threshold, which gives a
-false alarm in each segment. Here the noise of each row is estimated separately.
+Interpolated noise, as in the original detector, would not see a carrier on a whole bin, which
+then gives a false alarm in each segment.
 """
 
 import math

@@ -376,10 +376,8 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row in the whole channel at a pulse's time.
-
-        Windows half a pulse earlier and later are included, because a window that cuts a strong
-        pulse receives as much leakage as one with the whole pulse.
+        """Frequency and power of the strongest row in the whole channel around a pulse's time;
+        windows half a pulse earlier and later have the most leakage.
         """
         window, buffer = self._window, self._buffer
         half = window // 2
@@ -429,9 +427,8 @@ def _part_sums(
 
 
 def slide_energies(window: NDArray[np.complex64], rate_hz: float) -> NDArray[np.float64]:
-    """Largest energy in a window of signals whose frequency slides evenly, for each slide.
-
-    Each row has little of the energy of a sliding pulse, as of a burst of noise.
+    """Largest energy in a window of signals whose frequency slides evenly, for each slide,
+    since each row has little of it.
     """
     length = len(window)
     turns = _slides(length, rate_hz)

@@ -73,10 +73,8 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Confirmed tracks that continue after a jump of the clock.
-
-        They must be confirmed again. If samples are missing, no pulse fits these tracks, and
-        they end.
+        """Confirmed tracks that continue after a jump of the clock and must be confirmed again;
+        if samples are missing, no pulse fits them, and they end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)

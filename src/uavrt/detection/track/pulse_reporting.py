@@ -49,10 +49,8 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the track that is the tag's: the active one nearest to its nominal frequency.
-
-        The strength does not matter. Among tracks of nearly equal frequency, the one that
-        received a pulse last is chosen.
+        """Find the track that is the tag's: the active one nearest to its nominal frequency, of
+        nearly equal ones that which received a pulse last.
         """
         alive = [
             t
@@ -101,9 +99,8 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance bursts form such tracks more often than the false-alarm rate allows.
-
-        The pulses of a doubtful track are reported only when the track is confirmed.
+        """True if chance bursts form such tracks more often than the false-alarm rate allows;
+        its pulses are reported only once the track is confirmed.
         """
         if track.confirmed:
             return False

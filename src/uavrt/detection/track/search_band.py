@@ -243,9 +243,8 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """Compute all spectrogram columns from stored samples once the noise can be estimated.
-
-        Until then no columns are stored, which saves 0.3 MB.
+        """Compute all spectrogram columns from stored samples once the noise can be estimated;
+        storing none before saves 0.3 MB.
         """
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
@@ -365,9 +364,8 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold and the noise is needed [s].
-
-    A cell adds at most the limit to a sum, so several pulses are needed to reach the threshold.
+    """Earliest time at which a group can reach a threshold and the noise is needed [s]; a cell
+    adds at most its limit, so several pulses are needed.
     """
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)

@@ -441,10 +441,8 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power at which a group's pulse counts as received and not as noise.
-
-    A pulse far weaker than the others and not certain by itself counts as noise. In a long
-    group most detections may be noise, so the strongest quarter is the reference.
+    """Minimum power at which a group's pulse is received and not noise, relative to the
+    strongest or, in a long group of mostly noise, the strongest quarter.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))

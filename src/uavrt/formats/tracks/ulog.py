@@ -92,10 +92,8 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that reports its end after too many damaged bytes.
-
-    Without this limit, pyulog skips unknown data byte by byte, which takes hours for gigabytes
-    of zeros.
+    """A log file that reports its end after too many damaged bytes, which pyulog skips one by
+    one: hours for gigabytes of zeros.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -120,10 +118,8 @@ class _Damaged:
 
 
 def _check_formats(file: BinaryIO) -> None:
-    """Raise `ValueError` for records with more fields than memory can hold.
-
-    Definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type may
-    be the name of another definition.
+    """Raise `ValueError` for records with more fields than memory can hold. Definitions ``F``
+    (``name:type field;type[9] field;…``) precede the data; a type may be another definition.
     """
     fields: dict[str, list[tuple[str, int]]] = {}
     file.seek(_HEADER_BYTES)

@@ -1,7 +1,5 @@
-"""Connect `uavrt fetch` to the drone over the fastest of several links.
-
-The program acts as a component of the ground's MAVLink system, not as a ground station, so that
-the drone sends it no pulses.
+"""Connect `uavrt fetch` to the drone over the fastest of several links, as a component of the
+ground's system and not as a ground station, so that the drone sends it no pulses.
 """
 
 import asyncio

@@ -1,7 +1,5 @@
-"""List the flights on the drone in the order in which they were flown.
-
-The drone's clock may start in 1970, so the dates in the names of flights can be wrong. The
-drone therefore records the order in a file (`uavrt.flight.flight_order`).
+"""List the flights on the drone in the order in which they were flown, recorded in a file
+(`uavrt.flight.flight_order`), as the drone's clock may start in 1970.
 """
 
 from pathlib import PurePosixPath

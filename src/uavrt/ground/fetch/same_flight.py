@@ -1,10 +1,9 @@
-"""Decide whether a file from the drone may replace a local one.
+"""Decide by the content whether a file from the drone may replace a local one, as equal names
+are no evidence.
 
-Equal names are no evidence: two simulated flights may begin in the same second, a drone's clock
-may be wrong, and another server may answer. So the content decides. A log only grows, so a new
-one begins with all of the old one. A database keeps its pulses, so the new one has the same
-flight and all pulses of the old one. A recording's description keeps its time spans;
-their times are corrected at most once.
+A log only grows, so a new one begins with all of the old one. A database keeps its pulses, so
+the new one has the same flight and all pulses of the old one. A recording's description keeps
+its time spans; their times are corrected at most once.
 """
 
 import sqlite3

@@ -1,6 +1,5 @@
-"""Send the operator's commands to the drone, one at a time, and report progress.
-
-Each command returns a text for the operator, or raises an error of the drone or the link.
+"""Send the operator's commands to the drone, one at a time, and report progress; each returns a
+text for the operator, or raises an error of the drone or the link.
 """
 
 import asyncio

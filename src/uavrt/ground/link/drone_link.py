@@ -1,7 +1,5 @@
 """Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop.
-
-`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
-MAVLink.
+`GroundProtocol` encodes and decodes; `GroundLink` exchanges the messages.
 """
 
 import asyncio

@@ -76,10 +76,8 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 
 
 async def _tidied() -> None:
-    """Free unused memory periodically, until cancelled; imported modules are exempted.
-
-    The first estimate or report imports more modules. If a collection is then slow, these are
-    exempted too.
+    """Free unused memory periodically, until cancelled; modules, also those imported by the
+    first estimate or report, are exempted if a collection is slow.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

@@ -1,7 +1,5 @@
-"""HTTP and WebSocket server of the ground station: sockets, access control and page.
-
-The routes are in `api`. This module is imported only for ``uavrt ground`` with a page, because
-it needs the extra ``uavrt[ground]``.
+"""HTTP and WebSocket server of the ground station: sockets, access control and page. It needs
+the extra ``uavrt[ground]``, so only ``uavrt ground`` with a page imports it.
 """
 
 import asyncio

@@ -40,9 +40,8 @@ class _Entry(msgspec.Struct, frozen=True):
 
 
 class Ledger(Generic[R]):
-    """Rows of all finished recordings, or of all finished flights, and their tables.
-
-    With `thorough`, all tables are read and their digests compared; otherwise sizes and times.
+    """Rows of all finished recordings, or of all finished flights, and their tables. With
+    `thorough`, tables are read and digests compared; otherwise sizes and times.
     """
 
     def __init__(
@@ -162,10 +161,8 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables that belong to no row, unless damaged rows were moved aside.
-
-        If this run or an interrupted one moved damaged rows aside, the tables may belong to
-        them and are not removed. Files of other programs are never removed.
+        """Remove tables that belong to no row. If damaged rows were moved aside, now or in an
+        interrupted run, tables may belong to them and stay, as do other programs' files.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}

@@ -79,9 +79,8 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the monthly files with newly written tables; return the new index.
-
-    Fewer than `least_files` new files are not copied, unless monthly files were `lost`.
+    """Update the monthly files with newly written tables; return the new index. Fewer than
+    `least_files` new ones are not copied, unless monthly files were `lost`.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -140,10 +139,8 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
-    """Run a query on a new DuckDB connection that Ctrl-C can end at once.
-
-    The query runs in another thread. DuckDB checks for signals only between the tasks of a
-    query, which may take minutes.
+    """Run a query on a new DuckDB connection, in a thread, so that Ctrl-C can end it at once;
+    DuckDB itself checks for signals only between tasks, after minutes.
     """
     with needs_extra("batch", "An archive"):
         import duckdb

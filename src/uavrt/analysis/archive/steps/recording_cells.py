@@ -35,9 +35,8 @@ def cells_of(
     cell_s: float = CELL_S,
     lead_in_s: float = LEAD_IN_S,
 ) -> list[Cell]:
-    """Divide a recording into cells, each with a lead-in before it.
-
-    Cells are counted from the first sample of `segments`; lost samples count as time.
+    """Divide a recording into cells, each with a lead-in before it; cells are counted from the
+    first sample of `segments`, with lost samples as time.
     """
     held = [one for one in segments if one.count]
     if not held:

@@ -1,9 +1,7 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
-The search reports all cells strong enough to be a pulse. Those that no tag's pulses explain are
-bursts of other transmitters, such as frequency hoppers, time slots or speech. Their rate gives
-the probability that a burst occurs where a tag's pulse is expected. In noise alone the rate is
-zero.
+The rate gives the probability that a burst of a frequency hopper, time slot or voice occurs
+where a tag's pulse is expected; in noise alone it is zero.
 """
 
 import math
@@ -227,10 +225,8 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of those expected from noise; 0 if it may be chance.
-
-    If every excess counted, half of the groups in which only one pulse is strong would not be
-    reported.
+    """Number of bursts in excess of those expected from noise; 0 if it may be chance, as groups
+    with only one strong pulse would otherwise not be reported.
     """
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

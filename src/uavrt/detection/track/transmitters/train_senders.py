@@ -62,10 +62,8 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Ratio of two tags' intervals if it is 2:1, 3:1 or 3:2; None otherwise.
-
-    At such a ratio of the longer to the shorter interval, the common pulses of both trains fit
-    both tags.
+    """Ratio of two tags' intervals if it is 2:1, 3:1 or 3:2, at which the common pulses of both
+    trains fit both tags; None otherwise.
     """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
@@ -197,10 +195,8 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks begun or confirmed only by pulses of other tags; return True if any were.
-
-        One strong pulse, with the largest noise one interval before and after it, makes a group
-        for any tag. A second strong pulse at one of its expected times would confirm the group.
+        """Drop tracks begun or confirmed only by pulses of other tags; True if any were. Two
+        strong pulses of another tag, with noise, make and confirm a group of any tag.
         """
         dropped: set[int] = set()
         unsettled = [

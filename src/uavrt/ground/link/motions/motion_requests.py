@@ -42,9 +42,8 @@ def motion_request(
 
 
 async def request_motion(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the order that the drone proposes. Nothing moves yet.
-
-    Raises `CommandRefused` if the drone refuses, or `LinkError` without an answer.
+    """Request a motion; return the order that the drone proposes. Nothing moves yet. Raises
+    `CommandRefused` if the drone refuses, or `LinkError` without an answer.
     """
     return await link.motion(encode_request(request), request.request_id)
 

@@ -1,7 +1,5 @@
-"""Request, confirm and stop motions of the drone for the page.
-
-The drone decides, and reports what it would fly; this module only passes messages. Previews use
-the drone's own planning functions.
+"""Request, confirm and stop motions of the drone for the page. The drone decides and reports
+what it would fly; previews use its own planning functions.
 """
 
 import asyncio

@@ -81,11 +81,9 @@ class PathAssignments:
         return True
 
     def recipients(self, flying: Collection[int]) -> set[int]:
-        """Select the drones that get reports about other drones.
-
-        With several drones: all that fly or ever sent a report; a single one while it requests
-        a path. A drone that once got a report needs further ones, else it is never assigned a
-        path again.
+        """Select the drones that get reports about other drones: all that fly or ever sent a
+        report, if several, since one without reports is never assigned a path; a single one
+        while it requests a path.
         """
         known = set(self._members)
         together = known | set(flying)

@@ -26,10 +26,8 @@ class CommandEncoder:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Encode the messages of a tag upload, in order; raises `LinkError` if impossible.
-
-        The first message begins the upload, each tag has one, and the last ends it. A coded
-        tag's message has type `CODED_TAG_TYPE`, all others type 0.
+        """Encode the messages of a tag upload, in order: begin, each tag, end; `LinkError` if
+        impossible. A coded tag's message has type `CODED_TAG_TYPE`, all others type 0.
         """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":

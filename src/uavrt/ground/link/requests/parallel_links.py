@@ -1,9 +1,7 @@
 """Use several links to a drone at once: radio, Wi-Fi and cable.
 
-Heartbeats are sent on all links, so that the drone learns every link. The drone sends each
-pulse on one link. Our messages use the link on which a message of the drone arrived last, in
-the given order of preference. Sessions for several drones share the links: each session
-receives every frame and selects those of its drone.
+Heartbeats go out on all links, a drone's pulse on one, and our messages on that of the drone's
+last message. Sessions for several drones share the links; each selects the frames of its drone.
 """
 
 import asyncio

@@ -79,10 +79,9 @@ class Exchange:
         return ack
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send a motion order, a confirmation or a stop; return the drone's answer.
-
-        An order and a stop are repeated until they are answered. A confirmation is sent once,
-        since its nonce is valid once. A stop does not wait for other exchanges.
+        """Send a motion order, a confirmation or a stop; return the drone's answer. A
+        confirmation is sent once, as its nonce is valid once; the others until they are
+        answered. A stop does not wait.
         """
 
         def send(_attempt: int) -> None:

@@ -1,8 +1,7 @@
 """Select the vehicle that a ground station serves. No I/O.
 
-One radio may carry several vehicles. The first one with uavrt's drone side is selected, by its
-system id and its autopilot's unique number. It stays selected through any silence until the
-operator selects another. A station that switched by itself would command, locate and record the
+The first one with uavrt's drone side is selected, by system id and its autopilot's number,
+through any silence until the operator selects another; otherwise the station could command the
 wrong vehicle.
 """
 

@@ -1,8 +1,7 @@
 """Limit the page's open connections: per client, and those without a request.
 
-The page shares its process with the drone's link and the flight's files. So its connections may
-use only part of the file descriptors, and each client only part of those. A connection without
-a complete request is closed within seconds. A client's new connection beyond its limit closes
+The page shares file descriptors with the drone's link and the flight's files. A connection
+without a complete request is closed within seconds; a new one beyond a client's limit closes
 its oldest idle one.
 """
 

@@ -215,9 +215,8 @@ def _plain(error: UavrtError) -> type[UavrtError]:
 
 
 def _limit() -> None:
-    """Limit this process's CPU time and memory by the kernel, except on Windows.
-
-    Windows has no such limits, and macOS none for memory; there only `WALL_S` ends the process.
+    """Limit this process's CPU time and memory by the kernel; on Windows, and for memory on
+    macOS, there are no such limits, and only `WALL_S` ends the process.
     """
     try:
         import resource

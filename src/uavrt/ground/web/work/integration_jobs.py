@@ -1,7 +1,5 @@
-"""Run ``uavrt integrate`` on whole flights for the page.
-
-A run uses a core for up to a minute and up to a gigabyte of memory. It is a separate process,
-so that it does not slow down the ground station.
+"""Run ``uavrt integrate`` on whole flights for the page, in a process of its own, as it uses a
+core for a minute and up to a gigabyte.
 """
 
 import asyncio

@@ -1,9 +1,8 @@
 """Waterfall of a channel, from samples in a flight directory or live from a UDP port.
 
-The radio link is far too slow for samples. A waterfall therefore needs samples on this
-computer. One source is a recording in a flight's ``iq/``: downloaded, copied, or made by
-``uavrt run --ground``. The other is channels that the drone sends as datagrams
-(``[udp_channels]``): over a fast link, or over the loopback if the page runs on the drone.
+The radio link is too slow for samples, so they are a recording in a flight's ``iq/``, or
+channels that the drone sends as datagrams (``[udp_channels]``) over a fast link or the
+loopback.
 """
 
 import asyncio
