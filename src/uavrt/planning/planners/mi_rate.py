@@ -15,13 +15,13 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.drone_model.drone_motion import Legs
 from uavrt.planning.drone_model.planner_actions import Action, Hold, Rotate
 from uavrt.planning.information import information_nats
-from uavrt.planning.planners.tangents import tangents
 from uavrt.planning.planners.ways import (
     CandidatePaths,
     checked,
     headings,
     here,
     sampled,
+    tangents,
     turning,
 )
 from uavrt.planning.situation import Candidate, Decision, Situation
