@@ -31,12 +31,7 @@ from uavrt.core.messages import (
     Tag,
 )
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.flight.integrated import (
-    FlightFold,
-    IntegratedVerdict,
-    read_folds,
-    read_integrated,
-)
+from uavrt.flight.integrated import FlightFold, IntegratedVerdict, read_folds, read_integrated
 from uavrt.flight.reading.flight_reader import (
     Flight,
     read_beeps,

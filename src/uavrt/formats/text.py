@@ -119,9 +119,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert a spreadsheet's lines to commas between cells and points in decimal numbers, from
-    semicolons or tabs and decimal commas.
-    """
+    """Convert a spreadsheet's semicolons, tabs and decimal commas to commas and points."""
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)
@@ -166,9 +164,7 @@ def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert a text with seconds since 1970 to nanoseconds by its digits, as a float resolves
-    present times only to 240 ns.
-    """
+    """Convert seconds since 1970 to nanoseconds by their digits; a float resolves 240 ns."""
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

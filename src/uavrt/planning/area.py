@@ -469,9 +469,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Return the end points of parallel survey lines along a polygon's longest side, flown back
-    and forth. Raises `PlanError` for more than `most` lines.
-    """
+    """Ends of parallel survey lines along the longest side; `PlanError` for over `most`."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

@@ -129,9 +129,7 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update position and probability of the interferer with a received pulse;
-        `log_probability` is that of the pulse under all sources.
-        """
+        """Update the interferer with a pulse; `log_probability`: of it under all sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)

@@ -213,9 +213,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """Displacement to the east and north of each hypothesis of a walking tag until each path's
-    end [m]; None if no hypothesis walks.
-    """
+    """Displacement of walking hypotheses by each path's end [m]; None if none walks."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))

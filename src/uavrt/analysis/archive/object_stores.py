@@ -103,9 +103,7 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording at a URL; `stated` supplies metadata that the file lacks. Raises the
-    errors of `open_recording`, and `StoreError`.
-    """
+    """Open a recording at a URL, with `stated` metadata; may raise `StoreError`, too."""
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))

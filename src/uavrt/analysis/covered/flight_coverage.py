@@ -71,9 +71,7 @@ def frequency_window_hz(flight: Flight) -> float:
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Return the local plane around a flight, and its path, east and north [m]. Raises
-    `RecordingError` for a flight without poses.
-    """
+    """Plane around a flight, and its path east and north [m]; `RecordingError` for none."""
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(

@@ -235,9 +235,7 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Return the name of the antenna pattern used in whole-flight analysis, or the flight's
-    antenna if that pattern is unknown.
-    """
+    """Antenna pattern of whole-flight analysis or, if it is unknown, the flight's antenna."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)

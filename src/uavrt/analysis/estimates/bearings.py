@@ -58,9 +58,7 @@ class Recorded:
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna, RA-23K if unknown. Raises `UsageError` for an
-        upright whip, which gives no bearings.
-        """
+        """Directional antenna's name, by default RA-23K. `UsageError` for an upright whip."""
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -191,9 +189,7 @@ def _set_up(flight: Flight) -> tuple[Hashable, ...]:
 
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Return a sentence that states how many turns of how many flights corrected the antenna
-    pattern; None for a single flight.
-    """
+    """Sentence on the turns and flights that corrected the pattern; None for one flight."""
     turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
@@ -210,9 +206,7 @@ def check_method(method: str, known: Sequence[str]) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by at least three turns, so that it includes the airframe's
-    effect. Raises `UsageError` for fewer turns.
-    """
+    """Correct an antenna pattern by turns, airframe included; `UsageError` for under three."""
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

@@ -225,9 +225,7 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Replace the tag numbers of a file by keys that are unique over all files. Raises
-    `UsageError` if a number is ambiguous.
-    """
+    """Use tag keys that are unique over all files; `UsageError` for an ambiguous number."""
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)

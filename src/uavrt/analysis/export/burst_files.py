@@ -50,9 +50,7 @@ class _Port:
 
     @property
     def tuned_mhz(self) -> str:
-        """Frequency to which the port is tuned [MHz], in the form that find_tags reads: three
-        decimals, or more if needed.
-        """
+        """Frequency of the port [MHz], as find_tags reads it: three decimals or more."""
         whole, part = f"{self.tuned_hz / 1e6:.6f}".split(".")
         return f"{whole}.{part.rstrip('0'):0<3}"
 
@@ -184,9 +182,7 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Difference between the time since the previous burst and a whole number of intervals [s],
-    as text; 0 for the first burst.
-    """
+    """Time since the last burst beyond whole intervals [s], as text; 0 for the first."""
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

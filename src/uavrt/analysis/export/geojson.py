@@ -212,9 +212,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Return tag positions found by whole-flight analysis. A tag has two if a straight flight
-    path does not show on which side it is.
-    """
+    """Tags' positions by whole-flight analysis; two if a straight path leaves both sides."""
     return [
         (
             part,

@@ -36,9 +36,7 @@ class FlightNoise:
         return float(np.median(self.rise_db[self.in_the_air]))
 
     def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Noise above the quiet reference for a tag at given times [dB], shape (n,); the median
-        if it was not measured at the tag's frequency.
-        """
+        """Noise over the quiet reference at given times [dB], (n,); the median if unknown."""
         own = self.tag_id == tag_id
         if not own.any():
             return np.full(len(time_ns), self.median_db)

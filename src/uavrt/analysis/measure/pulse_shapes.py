@@ -35,9 +35,7 @@ def point_of(one: Located) -> Point:
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """Length at which a bearing is drawn as a line [m]: a fifth beyond the tag's position or,
-    if that is unknown, `RAY_M`.
-    """
+    """Drawn length of a bearing [m]: a fifth beyond the tag's position, or `RAY_M`."""
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -94,9 +92,7 @@ def path_points(position: Position | None) -> list[Point]:
 
 
 def region_lines(position: Position, share: int) -> list[list[Point]]:
-    """Outlines of the smallest region that contains the tag with a probability of `share`
-    percent, cut at the 180° meridian.
-    """
+    """Outlines of the smallest region of `share` percent, cut at the 180° meridian."""
     if position.grid is None:
         return []
     rings = _outlines(position.grid, share / 100.0)

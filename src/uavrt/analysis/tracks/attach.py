@@ -59,9 +59,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """Offset of the pulses' clock from the track's clock, positive if the pulses' clock is
-    ahead, with its uncertainty.
-    """
+    """Offset of the pulses' clock from the track's (positive: ahead), with uncertainty."""
 
     offset_s: float
     found_by: str
@@ -284,9 +282,7 @@ class _Common:
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean misfit of the poses at a clock offset: squared errors of heading (in units of
-        10°) and position (5 m).
-        """
+        """Mean misfit at a clock offset: squared errors of heading / 10° and position / 5 m."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -383,9 +379,7 @@ class _Common:
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
     def _no_overlap(self, times_s: _Floats, remedy: str) -> UsageError:
-        """Return the error for logs that do not overlap in time; it suggests a time zone if one
-        would explain this.
-        """
+        """Error for logs that do not overlap; names a time zone that would explain it."""
         ahead_s = float(times_s.min()) - max(self._turn_s[0], self._place_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():

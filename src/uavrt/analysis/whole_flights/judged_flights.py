@@ -77,9 +77,7 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Pulse train that may be this tag's, for example at 3/2 of its interval; None if the
-        tag was found or no train fits.
-        """
+        """Train that may be this tag's, as at 3/2 of its interval; None if found, or none."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)

@@ -70,9 +70,7 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Return the tags that all flights list, or `listed` if given. Raises `UsageError` if there
-    is none or entries differ.
-    """
+    """Tags that all flights list, or `listed`; `UsageError` for none or unequal entries."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(

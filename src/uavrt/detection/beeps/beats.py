@@ -91,9 +91,7 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove end pulses of a chain after a gap that contains other pulses: they were sent at
-    another rate, and the chain met them by chance.
-    """
+    """Remove a chain's end pulses after a gap with other pulses, sent at another rate."""
     low, high = 0, members.size
 
     def strays(k: int) -> bool:

@@ -351,9 +351,7 @@ def make_grid(
 
 
 def slide_turns(length: int, rate_hz: float, slide_hz: float) -> NDArray[np.complex128]:
-    """Factors (length,) that make the frequency of a sliding pulse constant, at its middle's;
-    it changes evenly by `slide_hz` during the `length` samples.
-    """
+    """Factors (length,) that undo an even slide of `slide_hz` about a pulse's middle."""
     away = (np.arange(length) - (length - 1) / 2.0) / length
     return np.asarray(np.exp(-1j * np.pi * slide_hz * (length / rate_hz) * away**2))
 

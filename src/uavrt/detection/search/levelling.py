@@ -402,9 +402,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last slot averaged for each slot: both sides if their levels agree, otherwise
-    that of the higher level.
-    """
+    """First and last slot averaged for each: both sides if they agree, else the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))

@@ -427,9 +427,7 @@ def _part_sums(
 
 
 def slide_energies(window: NDArray[np.complex64], rate_hz: float) -> NDArray[np.float64]:
-    """Largest energy in a window of signals whose frequency slides evenly, for each slide,
-    since each row has little of it.
-    """
+    """Largest energy in a window for each slide; a sliding pulse has little in each row."""
     length = len(window)
     turns = _slides(length, rate_hz)
     spectrum = np.fft.fft(window * turns, 2 * length)

@@ -200,9 +200,7 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Factors on the power of windows for lost samples: inverse share of received ones, 0
-        below `CHANNEL.least_received`; None: none lost.
-        """
+        """Inverse share of received samples, 0 below the least share; None: none lost."""
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
         share = np.ones(first.shape)

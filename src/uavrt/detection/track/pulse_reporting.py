@@ -49,9 +49,7 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the track that is the tag's: the active one nearest to its nominal frequency, of
-        nearly equal ones that which received a pulse last.
-        """
+        """Find the tag's track: the active one nearest to its frequency, then the newest."""
         alive = [
             t
             for t in tracks
@@ -99,9 +97,7 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance bursts form such tracks more often than the false-alarm rate allows;
-        its pulses are reported only once the track is confirmed.
-        """
+        """True if chance forms such tracks too often for unconfirmed pulses to be reported."""
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

@@ -243,9 +243,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """Compute all spectrogram columns from stored samples once the noise can be estimated;
-        storing none before saves 0.3 MB.
-        """
+        """Compute all columns once the noise can be estimated; none are stored before."""
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:
@@ -364,9 +362,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold and the noise is needed [s]; a cell
-    adds at most its limit, so several pulses are needed.
-    """
+    """Earliest time at which a sum of limited cells can reach the threshold [s]."""
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)
         * (interval_s - tag.interval_uncertainty_s)

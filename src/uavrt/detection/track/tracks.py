@@ -96,8 +96,7 @@ class Track:
     """Log odds that the track is a tag and not a chance series of bursts."""
     best_odds: float = 0.0
     in_doubt: bool = False
-    """True if it was ever too likely that chance bursts formed the track for its pulses to be
-    reported."""
+    """True if chance bursts were ever too likely for the track's pulses to be reported."""
     stands_out: bool = False
     """True if noise alone is unlikely to be the cause of the track's pulses."""
     interval_open: bool = False

@@ -121,9 +121,7 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of pulses of ENR `enr` in all given slots to noise alone, by the
-    largest of V cells, minus the logarithm of V.
-    """
+    """Log-likelihood ratio of pulses of ENR `enr` to noise, by the largest of V cells."""
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )

@@ -157,9 +157,7 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does, with rows of kind 7, without pulses that have no
-    pose: zeros would be a place in the Atlantic.
-    """
+    """Write a pulse CSV as TagTracker does (rows 7), without pulses that have no pose."""
     stream.write(HEADER + "\n")
     for one in pulse_poses:
         if one.pose is not None:

@@ -92,9 +92,7 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that reports its end after too many damaged bytes, which pyulog skips one by
-    one: hours for gigabytes of zeros.
-    """
+    """Log file that ends after too many damaged bytes, which pyulog skips one by one."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

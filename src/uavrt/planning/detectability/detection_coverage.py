@@ -98,9 +98,7 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Return the antenna's position at the time of each pulse on straight paths between
-    corners; with `nose_first` also its direction, along the path.
-    """
+    """Antenna's position at each pulse on straight paths; with `nose_first` its direction."""
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))

@@ -118,9 +118,7 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """For each probability, the ENR of a flight's strongest pulse at which a whole-flight
-    search finds the tag [dB].
-    """
+    """ENR of a flight's strongest pulse that finds the tag, for each probability [dB]."""
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)

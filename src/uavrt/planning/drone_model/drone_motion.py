@@ -69,9 +69,7 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Sampled candidate paths from the present position: straight paths or turns in place, all
-    with equally many samples.
-    """
+    """Sampled candidate paths from here, straight or turns in place, of equal samples."""
 
     duration_s: _Floats
     """Durations of the paths or turns [s], shape (legs,); infinite in too strong wind."""
@@ -254,9 +252,7 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """For each path: side (+1 right) and angle [rad] of the first turn, and length of the
-        straight part [m], shape (legs,) each.
-        """
+        """Side (+1 right) and angle [rad] of the first turn, straight length [m], (legs,)."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)

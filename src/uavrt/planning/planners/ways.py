@@ -128,9 +128,7 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths of a fixed wing if the curve that it would fly, or a circle to turn back,
-    leaves the allowed area.
-    """
+    """Refuse a fixed wing's paths whose curve, or a circle to turn back, leaves the area."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -146,9 +144,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Reason why a fixed wing has no room for a full circle after a planner cycle or at a
-    path's end; None if it has.
-    """
+    """Why a fixed wing cannot circle after a planner cycle or at a path's end; or None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -225,8 +225,6 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of those expected from noise; 0 if it may be chance, as groups
-    with only one strong pulse would otherwise not be reported.
-    """
+    """Number of bursts beyond those expected from noise; 0 if the excess may be chance."""
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

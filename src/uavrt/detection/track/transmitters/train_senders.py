@@ -62,9 +62,7 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Ratio of two tags' intervals if it is 2:1, 3:1 or 3:2, at which the common pulses of both
-    trains fit both tags; None otherwise.
-    """
+    """Ratio of intervals if 2:1, 3:1 or 3:2, where common pulses fit both tags; or None."""
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
         for a in one.pulse_intervals_s

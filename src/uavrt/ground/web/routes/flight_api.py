@@ -14,13 +14,7 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.ground_settings import GroundStore
 from uavrt.ground.store.stored_flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.ground.store.tag_table import rows_from_tags
-from uavrt.ground.web.routes.routing import (
-    Answer,
-    Row,
-    download,
-    json_object,
-    whole_number,
-)
+from uavrt.ground.web.routes.routing import Answer, Row, download, json_object, whole_number
 from uavrt.ground.web.work.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.work.exports import EXPORTS, export
 from uavrt.ground.web.work.flight_maps import (

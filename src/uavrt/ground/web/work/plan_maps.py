@@ -12,13 +12,7 @@ from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import Tag
 from uavrt.ground.link.page_values import number_between, places_in, power_in, whole_in
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.work.map_jobs import (
-    MapJobs,
-    OnStep,
-    Record,
-    figures,
-    map_record,
-)
+from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record, figures, map_record
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.terrain.elevation_files import open_elevation
 from uavrt.planning.detectability.link_budget import LinkBudget
