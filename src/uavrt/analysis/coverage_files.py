@@ -18,9 +18,8 @@ from uavrt.planning.detectability.detection_coverage import Coverage
 def write_maps(
     directory: Path, name: str, coverage: Coverage, path: Sequence[tuple[float, float]]
 ) -> list[Path]:
-    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png (picture).
-
-    The picture is drawn as in a report; without matplotlib it shows only the map's cells.
+    """Write a coverage map as `name`.tif (detection probabilities) and `name`.png, drawn as in
+    a report or, without matplotlib, with only the map's cells.
     """
     ground = coverage.ground
     grid = PositionGrid(
@@ -52,8 +51,7 @@ def _picture(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
 def write_silence(
     directory: Path, flight: Flight, maps: dict[int, SilentMap], tag_ids: Sequence[int]
 ) -> dict[int, list[Path]]:
-    """Write GeoTIFF and PNG coverage maps of tags that were not found, and remove outdated
-    maps.
+    """Write GeoTIFF and PNG maps of tags that were not found, and remove outdated maps.
 
     `maps` come from `silent_maps`, by tag id. Map files of other tags in `tag_ids` are
     removed.

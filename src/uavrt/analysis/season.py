@@ -52,8 +52,7 @@ class Season:
     """Flight minutes per detected animal, with one detection counted per animal and flight;
     None if no animal was detected."""
     batteries: int
-    """Number of batteries used; flights counted in `flights_without_battery` are not
-    included."""
+    """Number of batteries used, without flights counted in `flights_without_battery`."""
     batteries_used: float
     """Total battery charge used by all flights, as a number of full batteries."""
     flights_without_battery: int
@@ -100,8 +99,7 @@ def read_season(directory: Path) -> Season:
 
 
 _Animal = tuple[int, int]
-"""Tag id and frequency [kHz]. Both identify an animal, since ids are reused for other
-animals."""
+"""Tag id and frequency [kHz], which identify an animal, since ids are reused."""
 
 
 def _minutes(flight: CopiesOfFlight) -> float:
@@ -144,9 +142,8 @@ def _animal(searched: Sequence[tuple[Tag, CopiesOfFlight]]) -> AnimalOfSeason:
 
 
 def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
-    """Return the number of batteries and the charge used, over all vehicles.
-
-    Of several copies of a flight, only the one with the most battery reports is counted.
+    """Return the number of batteries and the charge used, over all vehicles; of several copies
+    of a flight, the one with the most battery reports counts.
     """
     before: dict[str | None, int] = {}
     put_in, used = 0, 0.0
@@ -165,8 +162,6 @@ def _batteries(flights: Sequence[CopiesOfFlight]) -> tuple[int, float]:
 
 
 def _discharges(copy: FlightOutline) -> tuple[int, int]:
-    """Return the total drop of the charge [%] in one record's battery reports, and the number
-    of reports.
-    """
+    """Total drop of the charge [%] in a record's battery reports, and their number."""
     falls = (max(0, one - other) for one, other in pairwise(copy.battery_percent))
     return sum(falls), len(copy.battery_percent)

@@ -31,12 +31,7 @@ from uavrt.core.messages import (
     Tag,
 )
 from uavrt.core.units import NANOSECONDS_PER_SECOND
-from uavrt.flight.integrated import (
-    FlightFold,
-    IntegratedVerdict,
-    read_folds,
-    read_integrated,
-)
+from uavrt.flight.integrated import FlightFold, IntegratedVerdict, read_folds, read_integrated
 from uavrt.flight.reading.flight_reader import (
     Flight,
     read_beeps,
@@ -73,8 +68,7 @@ class Survey:
     antenna: str
     """Name of the antenna pattern used for the bearings."""
     pattern: AntennaPattern | None = None
-    """Antenna pattern after correction by the flight's turns; None if the drone did not
-    turn."""
+    """Antenna pattern corrected by the flight's turns; None if the drone did not turn."""
     offset_deg: float = 0.0
     """Angle of the antenna's boresight clockwise from the heading in the poses [deg]."""
     pulse_poses: tuple[PulsePose, ...]
@@ -140,9 +134,7 @@ class Survey:
         return tuple(one for one in self.bearings if one.tag_id == tag_id)
 
     def position_of(self, tag_id: int) -> TagPosition | None:
-        """Position of one tag, or the reason why it has none; None if no position was
-        estimated.
-        """
+        """Position of one tag, or why it has none; None if none was estimated."""
         return next((one for one in self.positions if one.tag_id == tag_id), None)
 
     def placed(self, tag_id: int) -> Position | None:
@@ -151,9 +143,7 @@ class Survey:
         return None if found is None else found.position
 
     def position_time_ns(self, tag_id: int) -> int | None:
-        """Time to which a tag's position refers [ns, UTC]: end of its path, last bearing or
-        last pulse.
-        """
+        """Time of a tag's position [ns, UTC]: end of its path, last bearing or pulse."""
         position = self.placed(tag_id)
         if position is not None and position.track:
             return position.track[-1].time_ns
@@ -246,9 +236,7 @@ def read_survey(path: str | os.PathLike[str], how: EstimationOptions | None = No
 
 
 def _estimated(recorded: Recorded, how: EstimationOptions, warnings: list[str]) -> Estimated:
-    """Estimate bearings and positions. Turns of past flights are also used to correct the
-    antenna pattern.
-    """
+    """Estimate bearings and positions; past flights' turns correct the pattern, too."""
     heard = recorded.heard(recorded.antenna)
     past: list[list[HeardInTurn]] = []
     if how.antenna is not None and how.antenna != MONOPOLE and recorded.flight is not None:

@@ -1,7 +1,5 @@
-"""Entry point of ``uavrt`` and ``python -m uavrt.cli``.
-
-The imports take most of a second. During that time nothing needs to be shut down, so Ctrl-C
-ends the program at once and without a traceback.
+"""Entry point of ``uavrt`` and ``python -m uavrt.cli``. During the imports, which take most of
+a second, Ctrl-C ends the program at once and without a traceback.
 """
 
 import os
@@ -11,15 +9,12 @@ import threading
 from contextlib import suppress
 
 RESEND_S = 0.01
-"""Delay after which a discarded Ctrl-C is sent again [s], when the code that discarded it has
-returned."""
+"""Delay after which a discarded Ctrl-C is sent again [s]; the code there has returned."""
 
 
 def _send_again(discarded: "sys.UnraisableHookArgs") -> None:
-    """Send a discarded Ctrl-C again.
-
-    Python discards exceptions in finalizers, and in the lock of an import by another thread.
-    The program would continue as if Ctrl-C had not been pressed.
+    """Send a discarded Ctrl-C again: Python discards exceptions in finalizers and in the import
+    lock, and the program would continue.
     """
     if not issubclass(discarded.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(discarded)

@@ -40,15 +40,12 @@ COMMANDS = {
     "starter": "Add the ground station to the desktop's menu.",
     "update": "Install another version offline; go back if it fails.",
 }
-"""One-line description of each command, by name. A call imports the module of that name and
-runs its function of that name."""
+"""Description of each command by its name, which is also that of its module and function."""
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Create the command line with all commands.
-
-    `summaries`: use the texts of `COMMANDS` without importing the commands. `added`: include
-    the commands of other packages.
+    """Create the command line with all commands. `summaries`: texts of `COMMANDS` without
+    imports. `added`: with commands of other packages.
     """
     made = App(
         name="uavrt",

@@ -32,8 +32,7 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms take 0.437 s. A pulse is reported 0.04 s after its end at the earliest."""
 _FIRST_STEP = 0.7639
-"""Longest wait for the first search, as a share of `BATCH_S`; three blocks of samples suffice
-to estimate the noise."""
+"""Longest wait for the first search, as a share of `BATCH_S`: noise needs three blocks."""
 
 
 class PulseDetector:
@@ -174,9 +173,8 @@ class PulseDetector:
             self.take(samples, time_ns)
 
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
-        """Add a block without searching; return its length, 0 if it was refused.
-
-        A `DetectorGroup` calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
+        """Add a block without searching; return its length, 0 if refused. A `DetectorGroup`
+        calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
         """
         self._longest.note(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
@@ -201,10 +199,8 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which the samples can be searched after a new block; None: wait for more.
-
-        `length`: length of the new block [samples]. The search must not wait for another block
-        if that would make it late.
+        """Index up to which the samples can be searched after a new block of `length` samples;
+        None: wait for more, as long as the search is not late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:

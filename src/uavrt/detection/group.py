@@ -1,9 +1,8 @@
 """Run many detectors in one process, at a lower cost than separately.
 
-A detector searches every 0.44 s. Blocks in between are stored here, once for all tags of a
-channel. Detectors whose search is due at one sample are computed together. The reported pulses
-equal those of separate detectors, except where search bands overlap: there each train of pulses
-is assigned to one tag. The latency is 0.25 s on average and at most 0.47 s.
+Blocks are stored once for all tags of a channel, and detectors due at one sample search
+together. Pulses equal those of separate detectors, except where bands overlap: there each train
+of pulses is assigned to one tag. Latency is 0.25 s on average, 0.47 s at most.
 """
 
 from collections.abc import Hashable, Iterable, Iterator
@@ -25,8 +24,7 @@ from uavrt.detection.track.transmitters.ghosts import mark_ghosts
 from uavrt.detection.track.transmitters.train_senders import Senders
 
 _TOGETHER = 8
-"""Number of detectors that search at once; their spectrogram cells, 0.5 MB, fit into the cache
-of a core."""
+"""Number of detectors that search at once; their cells, 0.5 MB, fit into a core's cache."""
 
 
 @dataclass(slots=True, eq=False)
@@ -36,8 +34,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Number of received samples at which the next search may be due; 0: check with each
-    block."""
+    """Received samples at which the next search may be due; 0: check with each block."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,8 +52,7 @@ class _Channel:
     next_ns: float = 0.0
     due: list[_Member] = field(default_factory=list)
     soonest: int = 0
-    """Smallest `due` of the channel's detectors; 0: check with each block whether a search is
-    due."""
+    """Smallest `due` of the channel's detectors; 0: check with each block."""
 
     def catch_up(self, member: _Member) -> None:
         member.detector.take_all(self.blocks[member.taken - self.before :])

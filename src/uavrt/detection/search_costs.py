@@ -1,8 +1,7 @@
 """Measure how much CPU time the search for a tag list needs on this computer.
 
-This is done before the search starts. The cost grows with the square of K, and with the
-uncertainty of the interval and the search window. So detectors are run for a short time on
-noise and on simulated pulses of the tag.
+The cost grows with K², the interval's uncertainty and the search window. Before the search,
+detectors run for a short time on noise and simulated pulses of the tag.
 """
 
 from collections import Counter
@@ -25,8 +24,7 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Estimated cost of a tag list up to which it is not measured [costs of a typical tag]; it
-    is a fifth of a core."""
+    """Cost up to which a tag list is not measured [typical tags]: a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Cost of a typical tag: product of K² = 9, the interval's uncertainty of 60 ms in seconds,
     and the window's half-width of 500 Hz in hertz."""
@@ -45,11 +43,9 @@ class CostTuning:
     received_enr: float = 40.0
     """Energy of the simulated tag's pulses over the noise density (ENR), not in decibels."""
     code_share: float = 2e-4
-    """Share of a processor core needed for each coded tag; 500 tags take less than a tenth of a
-    core."""
+    """Share of a core for each coded tag; 500 tags take less than a tenth of a core."""
     most_cpu_s: float = 2.0
-    """Maximum CPU time for measuring [s]; further tags are assumed to cost as much as the last
-    measured."""
+    """Most CPU time to measure costs [s]; further tags cost as much as the last."""
 
 
 COSTS = CostTuning()
@@ -61,10 +57,7 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Measure how many processor cores the search for tags needs.
-
-    Uncoded tags count as 0.0 if their estimated cost is small in total.
-    """
+    """Processor cores that the search for tags needs; 0.0 for uncoded, cheap ones."""
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings

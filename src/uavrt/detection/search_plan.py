@@ -17,8 +17,7 @@ from uavrt.dsp.plan import UNDECIMATED_FRACTION, BandPlan, plan_band
 from uavrt.dsp.tuner import tune
 
 _SPANNED = (OperatingMode.ALL_NEVER_LOCK.value, OperatingMode.KNOWN_HARD_LOCK.value)
-"""Operating modes whose band does not depend on the search window: it is the whole channel, or
-± 100 Hz."""
+"""Modes whose band does not depend on the search window: whole channel or ± 100 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +27,9 @@ class SearchPlan:
     center_frequency_hz: float
     """Frequency to which the radio is tuned [Hz]."""
     warnings: tuple[str, ...]
-    """Sentences for the operator on limitations of the search that cannot be avoided with these
-    tags."""
+    """Sentences for the operator on limitations that these tags make unavoidable."""
     cores: float
-    """Number of processor cores that the detectors need; uncoded tags too cheap to measure
-    count 0."""
+    """Cores that the detectors need; uncoded tags too cheap to measure count 0."""
 
 
 def plan_search(

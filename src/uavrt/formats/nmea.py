@@ -12,13 +12,11 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 BAUD = 9600
 """Default rate of the serial line to a GPS receiver [baud]."""
 LONGEST = 120
-"""Maximum length of an NMEA sentence [bytes]. The standard allows 82, but some receivers send
-longer sentences."""
+"""Maximum length of an NMEA sentence [bytes]; receivers exceed the standard's 82."""
 _PLACE = re.compile(r"(\d{2,3})([0-5]\d(?:\.\d{0,9})?)", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,6}(?:\.\d{0,6})?", re.ASCII)
 _QUALITIES = frozenset("1234579")
-"""Accepted quality values of a GGA sentence: not 0 (no fix), 6 (extrapolated), 8 (simulator).
-"""
+"""Accepted qualities of a GGA sentence; not 0 (no fix), 6 (extrapolated), 8 (simulator)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

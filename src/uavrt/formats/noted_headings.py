@@ -39,10 +39,9 @@ _UNIT = re.compile(r"\s*[(\[].*[)\]]\s*$")
 
 
 def noted_columns(heading: Iterable[str]) -> dict[str, int]:
-    """Return the places of the columns that a heading names, by their meanings.
-
-    The meanings are tag, latitude, longitude, easting, northing, zone, true, magnetic or
-    bearing, declination, sigma, time, date, clock, observer, true_latitude and true_longitude.
+    """Return the places of the columns that a heading names, by meaning: tag, latitude,
+    longitude, easting, northing, zone, true, magnetic or bearing, declination, sigma, time,
+    date, clock, observer, true_latitude and true_longitude.
     """
     places = {_plain(name): place for place, name in reversed([*enumerate(heading)])}
     found: dict[str, int] = {}
@@ -54,9 +53,7 @@ def noted_columns(heading: Iterable[str]) -> dict[str, int]:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """True if a CSV heading belongs to a table of bearings that were noted by hand; False for
-    that of the original system's bearings.csv.
-    """
+    """True if a heading is that of bearings noted by hand, not of the original's file."""
     cells = [*heading]
     known = set(noted_columns(cells))
     noted = bool(known & {"true", "magnetic", "bearing"}) and bool(known & set(_NEEDED))

@@ -16,18 +16,14 @@ from uavrt.formats.damaged_lines import reason_of
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest time accepted in a file [ns since 1970]: the year 2116. SQLite's integers can hold
-it."""
+"""Latest time accepted in a file [ns since 1970]: the year 2116, an integer for SQLite."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """Pattern of a table cell that contains only a number with a decimal comma."""
 _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Read the lines of a text file or gzipped text file.
-
-    Line ends, a byte order mark and NUL characters are removed.
-    """
+    """Lines of a text or gzipped file, without line ends, byte order mark and NULs."""
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -87,10 +83,8 @@ def parsed_rows(
     cells: Callable[[str], list[str]] = _parted,
     names: Callable[[Sequence[str]], list[str]] = lower_names,
 ) -> list[T]:
-    """Parse the rows of a table with a heading, each from the cells in the given `columns`.
-
-    A last row that cannot be parsed is left out, because it was truncated while being written.
-    `cells` splits a line, and `names` reads the column names of the heading.
+    """Parse the rows of a table with a heading, each from the cells in the given `columns`,
+    without a truncated last row. `cells` splits a line; `names` reads the heading.
     """
     lines, places, rows = read_lines(path), list[int](), list[T]()
     for number, line in enumerate(lines, start=1):
@@ -125,10 +119,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert a spreadsheet's lines to commas between cells and points in decimal numbers.
-
-    Spreadsheets in many countries write semicolons or tabs, and decimal commas.
-    """
+    """Convert a spreadsheet's semicolons, tabs and decimal commas to commas and points."""
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)
@@ -168,18 +159,12 @@ def longitude(cell: str) -> float:
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Parse a latitude and longitude [deg]; None if a cell is empty or not a number.
-
-    Raises `ValueError` for a latitude beyond ±90° or a longitude beyond ±360°.
-    """
+    """Latitude and longitude [deg], or None; `ValueError` beyond ±90° or ±360°."""
     return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert a text with seconds since 1970 to nanoseconds without rounding.
-
-    A float resolves present times only to 240 ns, so the decimals are read as digits.
-    """
+    """Convert seconds since 1970 to nanoseconds by their digits; a float resolves 240 ns."""
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

@@ -1,6 +1,4 @@
-"""The ground station: links to vehicles, storage of flights, and the web page.
-
-`session` serves one vehicle, `fleet` several on the same links, `station` runs without a page.
-`link` talks to drones, `fetch` downloads their files, `store` keeps flights and settings, `web`
-serves the page.
+"""The ground station: `link` talks to drones, `fetch` downloads their files, `store` keeps
+flights and settings, `web` serves the page. `session` serves one vehicle, `fleet` several on
+the same links, `station` runs without a page.
 """

@@ -8,9 +8,8 @@ from uavrt.core.errors import CommandRefused
 class CommandingPage:
     """Lets one of the open pages command; the others only watch until one takes command.
 
-    Scripts may always command. The first connected page keeps command when it is reloaded.
-    After it has disconnected, the next page that sends a command gets command. A page sends its
-    name when it connects and with each request; None stands for a script.
+    Scripts (page None) always may. The first connected page keeps command when it is reloaded;
+    after it has disconnected, the next page that sends a command gets it.
     """
 
     def __init__(self, page: str | None = None) -> None:

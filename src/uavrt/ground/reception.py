@@ -1,6 +1,4 @@
-"""Pass a vehicle's MAVLink frames and its drone's events to the parts of the station that use
-them.
-"""
+"""Pass a vehicle's MAVLink frames and its drone's events to the station's parts."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace

@@ -1,7 +1,6 @@
-"""A ground station: sessions of its vehicles, and actions without an operator.
-
-Without a page, it serves scripts and a first bench test: it uploads tags, starts and stops
-detection, and prints each pulse as a line. `uavrt.ground.web.page_program` adds the page.
+"""A ground station: sessions of its vehicles, and actions without an operator: it uploads tags,
+starts and stops detection, and prints each pulse. `uavrt.ground.web.page_program` adds the
+page.
 """
 
 import asyncio
@@ -33,8 +32,7 @@ from uavrt.link.tunnel.tag_lists import digest_in, tag_list_digest
 
 START_RETRY_S = 2.0
 LAST_PULSES_WAIT_S = 1.0
-"""Time without a pulse after which a drone that has stopped counts as having sent all pulses
-[s]."""
+"""Time without a pulse after which a stopped drone counts as having sent all pulses [s]."""
 STOP_TIMEOUT_S = 12.0
 
 
@@ -44,8 +42,7 @@ class StationSettings:
 
     directory: Path
     address: str | None = None
-    """One or several MAVLink addresses separated by spaces, the preferred one first; None: the
-    last used."""
+    """MAVLink addresses separated by spaces, the preferred one first; None: the last used."""
     my_place: str | None = None
     """Address of a GPS receiver; None: the address used in the last run."""
     dem: str | None = None
@@ -56,8 +53,7 @@ class StationSettings:
     """Tags to search for; None: those of the last run."""
     start: bool = False
     further_vehicles: tuple[int, ...] = ()
-    """MAVLink system ids of vehicles to serve in addition to the first and those of the last
-    run."""
+    """MAVLink system ids of vehicles to serve besides the first and those of the last run."""
     keys: LinkKeys = NO_KEYS
 
 
@@ -164,8 +160,7 @@ class Station:
             await asyncio.sleep(START_RETRY_S / 10)
 
     async def _upload(self, session: GroundSession, link: GroundLink) -> bool:
-        """Send the tags; False if the drone already detects, so that detection need not be
-        started.
+        """Send the tags; False if the drone already detects and needs no start.
 
         A restarted station that finds its own tags on the drone continues as if it had started
         detection. If another station has started detection, it continues and its pulses are

@@ -13,8 +13,7 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Function that returns the height of the ground [m] at (east, north) [m]; the reference height
-is arbitrary."""
+"""Height of the ground [m] at (east, north) [m]; the reference height is arbitrary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,18 +51,14 @@ class Circle:
         return np.asarray(np.maximum(off - self.radius_m, 0.0))
 
     def depth_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Distance of positions from the circle's edge [m], positive inside and negative
-        outside.
-        """
+        """Distance of positions from the circle's edge [m], positive inside."""
         off = np.hypot(east_m - self.east_m, north_m - self.north_m)
         return np.asarray(self.radius_m - off)
 
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the circle's edge to the ends of straight paths [m], positive
-        if both ends are inside.
-        """
+        """Shortest distance of straight paths from the circle's edge [m], positive inside."""
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -142,9 +137,7 @@ class Polygon:
         return None
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """True for positions inside the outline, from which a ray to the east crosses an odd
-        number of sides.
-        """
+        """True for positions inside: a ray to the east crosses an odd number of sides."""
         x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
         points = np.array(self.corners, np.float64)
@@ -180,9 +173,7 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance from the outline to straight paths inside it [m]; 0 for paths with
-        an end outside.
-        """
+        """Shortest distance of straight paths from the outline [m]; 0 with an end outside."""
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -190,9 +181,7 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance between straight paths and the outline [m]; 0 if a path crosses
-        it.
-        """
+        """Shortest distance of straight paths from the outline [m]; 0 if crossed."""
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -202,9 +191,7 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Twice the signed area of the triangle a, b, c [m²]: positive if the path from a over b to
-    c turns left.
-    """
+    """Twice the signed area of the triangle a, b, c [m²]; positive for a turn to the left."""
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -217,10 +204,7 @@ def _off_segment_m(x: float | _Floats, y: float | _Floats, a: _Place, b: _Place)
 
 
 def segment_distance_m(start: _Place, end: _Place, side: tuple[_Place, _Place]) -> _Floats:
-    """Return the smallest distance of each straight path from a line segment [m].
-
-    It is 0 if they cross.
-    """
+    """Smallest distance of each straight path from a line segment [m]; 0 if they cross."""
     a, b = side
     ends = _off_segment_m(*end, a, b), _off_segment_m(*start, a, b)
     corners = _off_segment_m(*a, start, end), _off_segment_m(*b, start, end)
@@ -282,8 +266,7 @@ class SearchArea:
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Function that returns the height of the highest ground along the straight return from
-    given positions [m]."""
+    """Height of the highest ground along the straight return from given positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -314,9 +297,7 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Raise `PlanError` if home lies where the drone cannot take off or return, such as in
-        an excluded area.
-        """
+        """Raise `PlanError` if the drone cannot take off from home, or return to it."""
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:
@@ -333,8 +314,7 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path, or the return home from it; None if they do
-        not.
+        """Reason why excluded areas forbid a path, or the return home from it; or None.
 
         The path is given as points, the first of which is its start; the segments between
         points are also checked.
@@ -382,10 +362,7 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Reason why a path must not be flown at a height above home; None if it may.
-
-        The path is given as points; the segments between them are also checked.
-        """
+        """Why a path of points must not be flown at a height above home; None if it may."""
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         faults = self._faults(x[None], y[None], height_m, here)
@@ -394,9 +371,7 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """For each position, the reason why the straight path to it must not be flown; None if
-        it may.
-        """
+        """Reason why the straight path to each position is not allowed; None if it is."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
             1:
@@ -459,9 +434,7 @@ def _nudged(corners: _Floats) -> _Floats:
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Insert points into a path, so that consecutive points are at most `PLANNING.path_step_m`
-    apart.
-    """
+    """Insert points, so that consecutive ones are at most `PLANNING.path_step_m` apart."""
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
@@ -471,9 +444,7 @@ def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
 
 
 def check_reach(area: SearchArea, farthest_m: float) -> None:
-    """Raise `PlanError` for a search area that lies entirely farther than `farthest_m` from
-    home.
-    """
+    """Raise `PlanError` for a search area entirely farther than `farthest_m` from home."""
     corners = np.array(area.search.corners)
     if area.search.contains(*np.array([area.home_m]).T).all():
         return
@@ -498,9 +469,7 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Return the end points of parallel survey lines along a polygon's longest side, flown back
-    and forth. Raises `PlanError` for more than `most` lines.
-    """
+    """Ends of parallel survey lines along the longest side; `PlanError` for over `most`."""
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

@@ -29,19 +29,14 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExistenceRules:
-    """Constants of the model check, and of the model of an interferer whose signal is received
-    as the tag's.
-    """
+    """Constants of the model check, and of an interferer received in place of the tag."""
 
     memory: float = 0.95
-    """Factor by which the weight of earlier pulses in the model check is multiplied at each new
-    pulse."""
+    """Weight factor of earlier pulses in the model check at each new pulse."""
     largest_sigmas: float = 4.0
-    """Limit to which one pulse's level deviation is clipped in the model check [standard
-    deviations]."""
+    """Clipping limit of one pulse's level in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Mean level deviation from which the model check fails [standard deviations]; it fails by
-    chance once in 1000."""
+    """Mean deviation that fails the model check, once in 1000 [standard deviations]."""
     rival_sigma_db: float = 12.0
     """Prior standard deviation of the level of a stationary interferer [dB]."""
     rival_particles: int = 2000
@@ -50,11 +45,9 @@ class _ExistenceRules:
     rival_nats: float = 7.0
     """Largest log odds of an interferer as the source of the received pulses [nats]."""
     tag_nats: float = 25.0
-    """Upper limit of the evidence that a tag exists [nats], with which the probability can
-    still fall when pulses stop."""
+    """Upper limit of the evidence for a tag [nats]; it still falls when pulses stop."""
     known_share: float = 0.5
-    """Largest position spread at which an interferer counts as located, as a share of the
-    search area's spread."""
+    """Largest spread of a located interferer's position, as a share of the area's spread."""
 
 
 _RULES = _ExistenceRules()
@@ -65,11 +58,9 @@ class ModelCheck:
     """Measures of how well recent pulses agree with a tag at its estimated position."""
 
     bias_sigmas: float
-    """Mean deviation of pulses' levels from the model, divided by the standard deviation of
-    this mean."""
+    """Mean level deviation from the model [standard deviations of this mean]."""
     scatter: float
-    """Ratio of the mean square deviation of levels to its expected value; 1 if the model
-    holds."""
+    """Ratio of the mean square level deviation to the expected one; 1 if the model holds."""
     pulses: float
     """Effective number of recent pulses in the check, after weighting."""
 
@@ -86,8 +77,7 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Return a received pulse's level deviation [standard deviations], corrected for the
-    detection threshold.
+    """Level deviation of a received pulse [standard deviations], given the threshold.
 
     Far from a tag only its strongest pulses reach the threshold. So the deviation is the normal
     deviate with the same probability as the pulse's level, given that it exceeded the
@@ -102,8 +92,7 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Stationary interferer whose signal may be received as the tag's, with its position and
-    probability of existence.
+    """Stationary interferer, perhaps received as the tag: position and probability.
 
     Its tracker weights each pulse by the probability that it came from the interferer and not
     from the tag.
@@ -126,9 +115,7 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Create the model of a possible interferer for a tag; None if the prior excludes one
-        (`missed_share` 0).
-        """
+        """Model of a possible interferer; None if the prior excludes one (`missed_share` 0)."""
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
@@ -142,9 +129,7 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update position and probability of the interferer with a received pulse;
-        `log_probability` is that of the pulse under all sources.
-        """
+        """Update the interferer with a pulse; `log_probability`: of it under all sources."""
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -189,9 +174,7 @@ class TagBelief:
 
     @property
     def prior(self) -> TagPrior:
-        """Signal strength, motion and detection threshold of the tag as assumed before the
-        flight.
-        """
+        """Signal strength, motion and threshold of the tag as assumed before the flight."""
         return self._tracker.prior
 
     @property
@@ -216,9 +199,7 @@ class TagBelief:
             self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Update position and existence of the tag with a received or a missed pulse; return
-        the level that was expected.
-        """
+        """Update the tag with a received or missed pulse; return the expected level."""
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
@@ -241,9 +222,7 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Record how far a received pulse's level deviates from the model; pulses that may be
-        false alarms get less weight.
-        """
+        """Record a pulse's deviation from the model; possible false alarms weigh less."""
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)
@@ -252,9 +231,7 @@ class TagBelief:
         self._sums = self._sums * fade + own * np.array([1.0, own, off, off * off])
 
     def model_check(self) -> ModelCheck:
-        """Compare the levels of recent pulses with those expected from the estimated
-        position.
-        """
+        """Compare recent pulses' levels with those expected from the estimated position."""
         weight, squares, off, off2 = (float(one) for one in self._sums)
         if weight < 1.0:
             return ModelCheck(bias_sigmas=0.0, scatter=0.0, pulses=0.0)

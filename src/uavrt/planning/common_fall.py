@@ -21,19 +21,15 @@ class _Sharing:
     """Constants that control how tags share the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation of the difference between two tags' path loss exponents in the same
-    area."""
+    """Standard deviation between two tags' path loss exponents in the same area."""
     existence: float = 0.95
-    """Minimum probability of existence at which a tag's path loss exponent is shared with other
-    tags."""
+    """Minimum probability of existence at which a tag's path loss exponent is shared."""
     news: float = 1.25
-    """Ratio by which the precision of a tag's path loss exponent must grow before it is shared
-    again."""
+    """Growth of a tag's path loss precision after which the exponent is shared again."""
     placed_m: float = 50.0
     """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
-    """Largest precision (inverse variance) of the path loss exponent that one tag's pulses may
-    contribute."""
+    """Largest precision (inverse variance) of the path loss exponent from one tag."""
 
 
 _SHARING = _Sharing()
@@ -41,9 +37,7 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExponentMessage:
-    """Normal likelihood of the path loss exponent in natural parameters, so that messages
-    combine by addition.
-    """
+    """Normal likelihood of the path loss exponent, in natural parameters, which add up."""
 
     precision: float = 0.0
     weighted: float = 0.0
@@ -65,9 +59,7 @@ class _ExponentMessage:
         )
 
     def softened(self, variance: float) -> "_ExponentMessage":
-        """Return the message for another tag, less precise because that tag's exponent may
-        differ by a given variance.
-        """
+        """Message for another tag, whose exponent may differ by a given variance."""
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 
@@ -80,9 +72,7 @@ class ExponentSharing:
         self._received: dict[int, _ExponentMessage] = {}
 
     def share(self, beliefs: Iterable[TagBelief]) -> None:
-        """Collect each tag's information on the path loss exponent, and pass it to all other
-        tags.
-        """
+        """Pass each tag's information on the path loss exponent to all other tags."""
         learning = [one for one in beliefs if one.prior.exponent_sigma > 0.0]
         if len(learning) < 2:
             return
@@ -102,9 +92,7 @@ class ExponentSharing:
             self._received[one.tag_id] = others
 
     def _collect(self, belief: TagBelief) -> None:
-        """Store the path loss exponent learned from a tag's pulses, if the tag exists, is
-        located and fits the model.
-        """
+        """Store a tag's path loss exponent if the tag exists, is located and fits the model."""
         if belief.existence_probability < _SHARING.existence or not belief.model_check().passed:
             return
         if belief.spread().rms_m > _SHARING.placed_m:

@@ -30,8 +30,7 @@ def divided(
     stay_s: float,
     owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
-    """Divide tags into one round for each drone; return the tags' indices in the order of
-    visits.
+    """Divide tags into one round for each drone; return indices in order of visits.
 
     Each tag in turn is assigned to the drone that would finish it first (list scheduling). Then
     single tags are moved to other rounds while that shortens the longest round or the total.
@@ -84,9 +83,7 @@ class _Rounds:
         return self._after[drone] + way + PLANNING.transfer_s * changed
 
     def improve(self, tours: list[list[int]], tag: int) -> bool:
-        """Move a tag to its best position in all rounds; return False if it is already
-        there.
-        """
+        """Move a tag to its best place in all rounds; False if it is already there."""
         owner = next(drone for drone, tour in enumerate(tours) if tag in tour)
         times = [self.time_s(drone, tour) for drone, tour in enumerate(tours)]
         without = [one for one in tours[owner] if one != tag]

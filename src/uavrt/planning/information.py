@@ -30,9 +30,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """Parameters of the reception of pulses at the drone: height above tags, pulse interval and
-    threshold.
-    """
+    """Reception of pulses at the drone: height above tags, interval and threshold."""
 
     above_tags_m: float
     pulse_s: float
@@ -110,14 +108,11 @@ class _Pulses:
     """Expected levels and weights of pulses along candidate paths, with path durations."""
 
     level_db: _Singles
-    """Expected SNR of the pulses on each candidate path [dB], shape (legs, samples,
-    hypotheses)."""
+    """Expected SNR on each candidate path [dB], shape (legs, samples, hypotheses)."""
     per_db2: _Singles
-    """Number of pulses divided by the variance of one pulse's level [1/dB²], shape (legs,
-    samples)."""
+    """Number of pulses over one level's variance [1/dB²], shape (legs, samples)."""
     alike_db2: _Floats
-    """Variance of the lasting error that all pulses of a path have in common [dB²], shape
-    (legs,)."""
+    """Variance of the lasting error that a path's pulses share [dB²], shape (legs,)."""
     span_s: _Floats
 
     def as_one(self) -> "_Pulses":
@@ -179,9 +174,7 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """Information that the expected pulses of each path give on the tag's position [nats],
-    shape (legs,).
-    """
+    """Information of each path's expected pulses on the tag's position [nats], (legs,)."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -220,9 +213,7 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """Displacement to the east and north of each hypothesis of a walking tag until each path's
-    end [m]; None if no hypothesis walks.
-    """
+    """Displacement of walking hypotheses by each path's end [m]; None if none walks."""
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -231,9 +222,7 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """Variance of the level caused by the tag's walk until the path's end [dB²], shape (legs,
-    samples).
-    """
+    """Level variance from the tag's walk until the path's end [dB²], (legs, samples)."""
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

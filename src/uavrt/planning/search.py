@@ -1,6 +1,4 @@
-"""Search for all tags, from the first pulse to the return flight; used by processes and
-experiments.
-"""
+"""Search for all tags, from the first pulse to the return flight."""
 
 from dataclasses import dataclass, replace
 
@@ -30,9 +28,7 @@ class Found:
 
 
 class Search:
-    """Search for all tags: holds their beliefs, the planner and its random numbers, and applies
-    stop rule and return.
-    """
+    """Search for all tags: beliefs, planner and random numbers, stop rule and return."""
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -103,9 +99,7 @@ class Search:
         battery: Battery | None = None,
         others: OtherDrones | None = None,
     ) -> Decision:
-        """Return the next action: the flight home when it is due, otherwise the planner's
-        choice.
-        """
+        """Next action: the flight home when it is due, otherwise the planner's choice."""
         self._fall.share(self.beliefs.values())
         decision = self._home(state, wind, battery)
         if decision is None:
@@ -116,9 +110,7 @@ class Search:
         return decision
 
     def near(self, state: VehicleState) -> float:
-        """Probability that an animal comes too close if the drone stays at its position for one
-        planner cycle.
-        """
+        """Probability that an animal comes too close to a drone that stays for one cycle."""
         rule = self.settings.keep_away
         if rule is None:
             return 0.0
@@ -181,9 +173,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Return the decision to fly home if an action would use energy needed for the return;
-        otherwise None.
-        """
+        """Flight home if an action would use energy needed for it; otherwise None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

@@ -55,9 +55,7 @@ class Situation(SearchSettings):
 
     @classmethod
     def of(cls, settings: SearchSettings, **now: Any) -> "Situation":
-        """Create a situation from the constant settings and from the present values (`now`) of
-        the other fields.
-        """
+        """Create a situation from constant settings and present values (`now`)."""
         fixed = {one.name: getattr(settings, one.name) for one in fields(settings)}
         return cls(**fixed, **now)
 

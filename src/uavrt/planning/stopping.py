@@ -24,9 +24,7 @@ class StopRule(Protocol):
         """Decide whether a tag counts as found; return the decision with its reason."""
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Approximate information on the position that is still missing for the tag to count as
-        found [nats].
-        """
+        """Approximate position information missing until the tag is found [nats]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +45,7 @@ class AccuracyStop:
             )
 
     def verdict(self, belief: TagBelief) -> Verdict:
-        """Decide whether a tag is found; the checks that need the least computing time come
-        first.
-        """
+        """Decide whether a tag is found; the cheapest checks come first."""
         rms = belief.spread().rms_m
         # The 95 % radius is 1.7 times the rms of a round cloud of hypotheses, and twice that of
         # a long one, so a cloud whose rms exceeds the target is rejected without its circle.
@@ -75,8 +71,6 @@ class AccuracyStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Information on the position that is still missing [nats]: 1.4 for each halving of the
-        95 % radius, at least 0.3.
-        """
+        """Missing information [nats]: 1.4 per halving of the 95 % radius, at least 0.3."""
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

@@ -3,8 +3,7 @@
 import numpy as np
 
 from uavrt.planning.drone_model.planner_actions import Hold
-from uavrt.planning.planners.tangents import tangents
-from uavrt.planning.planners.ways import checked, headings
+from uavrt.planning.planners.ways import checked, headings, tangents
 from uavrt.planning.situation import Candidate, Decision, Situation
 
 

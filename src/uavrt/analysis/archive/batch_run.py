@@ -194,9 +194,7 @@ def _rows_of(*ledgers: Ledger[RecordingRow] | Ledger[FlightRow]) -> list[dict[st
 def _lost_rows(
     output: Path, *ledgers: Ledger[RecordingRow] | Ledger[FlightRow]
 ) -> dict[str, str]:
-    """Return the output files that contained rows of the last run and no longer exist, mapped
-    to ``"missing"``.
-    """
+    """Output files with rows of the last run that no longer exist, mapped to ``"missing"``."""
     try:
         before = decode_record(read_note(output / ROWS), list[dict[str, list[str]]])
     except (FormatError, OSError):

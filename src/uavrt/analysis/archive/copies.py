@@ -1,6 +1,4 @@
-"""Find flights that exist twice, because the drone and the ground station both recorded
-them.
-"""
+"""Find flights that exist twice, recorded by the drone and by the ground station."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -23,12 +21,10 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Map each superfluous copy of a flight to the copy that is used, which is the one with
-    most data.
+    """Map each superfluous copy of a flight to the copy that is used, the one with most data.
 
-    Samples count more than pulses. Among equal copies, an earlier run's choice remains. A
-    flight with samples but without pulses is never a copy. Copies are recognised as in
-    `read_season`.
+    Samples count more than pulses; of equal copies, an earlier run's choice remains. A flight
+    with samples but without pulses is never a copy.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {
@@ -68,9 +64,7 @@ def copies_of(
 
 
 def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
-    """Remove copies of flights and their recordings from the found files; return the rest and
-    the number of removed copies.
-    """
+    """Remove copies of flights and their recordings; return the rest and the number removed."""
     left = replace(
         found,
         recordings=tuple(one for one in found.recordings if one.flight_directory not in copies),
@@ -82,9 +76,7 @@ def without(found: Found, copies: Mapping[Path, Path]) -> tuple[Found, int]:
 def drop_copies(
     copies: Mapping[Path, Path], recordings: Ledger[RecordingRow], flights: Ledger[FlightRow]
 ) -> None:
-    """Delete the stored results of copies, once the copy that is used has a result. Raises
-    `OSError`.
-    """
+    """Delete stored results of copies once the copy in use has a result. Raises `OSError`."""
     gone = {copy for copy, one in copies.items() if flights.of(str(one)) is not None}
     for row in recordings.rows if gone else ():
         of_itself = row.state == "recorded"

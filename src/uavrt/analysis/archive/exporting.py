@@ -1,6 +1,4 @@
-"""Export an archive to files for other tools: one folder per flight, and GeoParquet files of
-all flights.
-"""
+"""Export an archive: one folder per flight, and GeoParquet files of all flights."""
 
 import json
 from collections.abc import Sequence
@@ -35,8 +33,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Formats to which an archive can be exported; GeoTIFF is excluded because an archive stores no
-heat maps."""
+"""Formats to which an archive can be exported: not GeoTIFF, as no heat maps are stored."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 
@@ -102,9 +99,7 @@ def export_archive(
 
 
 def folder_for(directory: Path, flight: str) -> Path:
-    """Return the folder for a flight in `directory`; its name is valid on all operating
-    systems.
-    """
+    """Folder for a flight in `directory`; its name is valid on all operating systems."""
     parts = (encoded(one, _IN_NAMES) for one in flight.split("/"))
     return directory.joinpath(
         *(one if one.strip(".") else one.replace(".", "%2E") for one in parts)
@@ -180,9 +175,7 @@ def _bearing(row: dict[str, Any]) -> TagBearing:
 
 
 def _shared(record: type, row: dict[str, Any]) -> dict[str, Any]:
-    """Select from a table row the values of those columns that are fields of the dataclass
-    `record`.
-    """
+    """Values of a table row's columns that are fields of the dataclass `record`."""
     names = [one.name for one in fields(record)]
     return {name: row[name] for name in names if name in row}
 

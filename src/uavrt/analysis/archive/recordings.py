@@ -1,6 +1,4 @@
-"""Find recordings in folders. A manifest (CSV file) supplies metadata that the recordings
-lack.
-"""
+"""Find recordings in folders; a manifest (CSV file) adds metadata that they lack."""
 
 import csv
 import hashlib
@@ -46,8 +44,7 @@ class Recording:
     """Address of the recording in an object store; None for a local file."""
     flight_directory: Path | None = None
     track: Path | None = None
-    """Autopilot log or track of a GPS receiver recorded at the same time; None if there is
-    none."""
+    """Autopilot log or GPS track recorded at the same time; None if there is none."""
     clock_offset_s: float | None = None
     """Offset of the recording's clock from the track's clock [s], positive if the recording's
     clock is ahead; None if unknown."""
@@ -60,9 +57,7 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording. Raises `FormatError`, or `StoreError` if an object store
-        fails.
-        """
+        """Open the recording. Raises `FormatError`, or `StoreError` of an object store."""
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())
@@ -85,9 +80,7 @@ class Recording:
 
 
 def flight_of(path: str, flights: Collection[Path]) -> Path | None:
-    """Return the flight directory that contains a path, even if the path no longer exists; None
-    if no flight does.
-    """
+    """Flight directory that contains a path, even a deleted one; None if no flight does."""
     if not flights or is_url(path):
         return None
     whole = Path(os.path.realpath(path))
@@ -95,9 +88,7 @@ def flight_of(path: str, flights: Collection[Path]) -> Path | None:
 
 
 def out_of_reach(error: BaseException) -> bool:
-    """True if an error came from the disk or network; the recording itself may then be
-    intact.
-    """
+    """True if an error came from disk or network; the recording may then be intact."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, StoreError | OSError):
@@ -319,8 +310,7 @@ def _recording(file: Path) -> Recording:
 
 
 def read_manifest(path: Path) -> dict[Path, Recording]:
-    """Read a manifest of recordings, which is a CSV file with the columns of
-    `MANIFEST_COLUMNS`.
+    """Read a manifest of recordings: a CSV file with the columns of `MANIFEST_COLUMNS`.
 
     Relative paths are relative to the manifest's folder. Empty cells are unknown values.
     """

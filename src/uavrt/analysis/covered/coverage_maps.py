@@ -1,6 +1,4 @@
-"""Compute coverage maps: the probability that a tag at each position is detected from a flown
-path.
-"""
+"""Compute the probability that a tag at each position is detected from a flown path."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,16 +31,13 @@ from uavrt.planning.detectability.whole_flight_chance import MODEL
 _Floats = NDArray[np.float64]
 _Places = tuple[tuple[float, float], ...]
 _ELSEWHERE_M = 50e3
-"""Distance between an outline and the map above which the outline's coordinates are presumed
-wrong [m]."""
+"""Distance of an outline from the map above which its coordinates are presumed wrong [m]."""
 MOST_PULSES = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """Grid and terrain heights of a coverage map, with sentences about missing elevation
-    data.
-    """
+    """Grid and terrain heights of a coverage map; sentences about missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -58,9 +53,7 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read a flight path, or an area over which survey lines are laid; return the local plane
-    and the path's corners [m].
-    """
+    """Read a path, or an area for survey lines: local plane, and the path's corners [m]."""
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -69,9 +62,7 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Project latitudes and longitudes [deg]; return the local plane and the (east, north)
-    corners [m].
-    """
+    """Project latitudes and longitudes [deg]: local plane, and (east, north) corners [m]."""
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
@@ -109,9 +100,7 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Read one outline and convert it to plane coordinates [m]. Raises `FormatError` unless
-    there is exactly one.
-    """
+    """Outline in plane coordinates [m]. Raises `FormatError` unless there is exactly one."""
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -119,9 +108,7 @@ def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
 
 
 def inside(polygon: Polygon, ground: GroundGrid) -> NDArray[np.bool_]:
-    """Mask of the map cells whose centre lies in a polygon. Raises `UsageError` if there is
-    none.
-    """
+    """Mask of cells whose centre lies in a polygon. Raises `UsageError` if there is none."""
     cells = polygon.contains(ground.east_m[np.newaxis, :], ground.north_m[:, np.newaxis])
     if cells.any():
         return np.asarray(cells)
@@ -211,9 +198,7 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Compute a tag's detection probability along a planned path. Raises `UsageError` if the
-    path is too long.
-    """
+    """A tag's detection probability on a planned path; `UsageError` if it is too long."""
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = planned_antenna_path(
         corners_m,
@@ -257,9 +242,7 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """Compute a tag's detection probability along the antenna's path. Raises `UsageError` if
-    the path is too long.
-    """
+    """A tag's detection probability on the antenna's path; `UsageError` if it is too long."""
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(

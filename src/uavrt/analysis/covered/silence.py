@@ -42,8 +42,7 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Number of cells along the longer side of a coverage map; for a 20-minute flight the
-computation takes seconds."""
+"""Cells along the longer side of a coverage map; for 20 minutes it takes seconds."""
 _NOT_JUDGED = (
     "the whole flight has not been searched for this tag yet; uavrt integrate finds weaker tags"
 )
@@ -83,21 +82,16 @@ class SilentMap:
     """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
-    """Distance from the flight within which a tag would have been detected everywhere with
-    probability 0.9 or more [m]; None if nowhere."""
+    """Distance within which a tag is surely (0.9 or more) detected [m]; None if nowhere."""
 
     @property
     def heard(self) -> bool:
-        """True if the tag was received or may have been, so that the map is no evidence of its
-        absence.
-        """
+        """True if the tag was or may have been received; the map shows no absence then."""
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
     def around(self) -> SilentAround:
-        """Return the distance within which the tag would have been found, as a record for its
-        whole-flight result.
-        """
+        """Record of the distance within which the tag would have been found."""
         return SilentAround(
             tag_power_dbm=self.tag_power_dbm,
             probability=SURE,
@@ -108,9 +102,7 @@ class SilentMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ListenedFlight:
-    """A flight with the grid, terrain and noise from which `silent_map` computes coverage
-    maps.
-    """
+    """A flight with the grid, terrain and noise from which `silent_map` makes coverage maps."""
 
     flight: Flight
     area: MapArea
@@ -135,9 +127,8 @@ class ListenedFlight:
         cell_m: float | None = None,
         verdicts: Sequence[IntegratedVerdict] | None = None,
     ) -> "ListenedFlight":
-        """Read a flight's noise and create a map grid around it, by default 120 cells wide.
-
-        Stored whole-flight results are read unless `verdicts` are given.
+        """Read a flight's noise and create a map grid around it, by default 120 cells wide;
+        stored whole-flight results are read unless `verdicts` are given.
         """
         plane, east, north = flight_plane(flight)
         if cell_m is None:
@@ -176,9 +167,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Compute a tag's detection probability over the map, for the flown antenna unless
-        `antenna` names another.
-        """
+        """Compute a tag's map for the flown antenna, unless `antenna` names another."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -229,9 +218,7 @@ class ListenedFlight:
         )
 
     def _doubts(self, tag: Tag, antenna: str, searched: SearchedFor | None) -> tuple[str, ...]:
-        """Return a sentence saying why a stored whole-flight search does not apply to this map;
-        empty if it does.
-        """
+        """Why a stored whole-flight search does not apply to this map; empty if it does."""
         if searched is None:
             return ()
         found = _setting_changes(tag, searched)
@@ -248,9 +235,7 @@ class ListenedFlight:
 
 
 def _own_antenna(flight: Flight, searched: SearchedFor | None) -> str:
-    """Return the name of the antenna pattern used in whole-flight analysis, or the flight's
-    antenna if that pattern is unknown.
-    """
+    """Antenna pattern of whole-flight analysis or, if it is unknown, the flight's antenna."""
     if searched is not None and searched.antenna in PATTERNS:
         return searched.antenna
     return flight_antenna(flight)
@@ -280,9 +265,7 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if whole-flight analysis found the tag at the limit of false alarms of its search,
-    or at the usual limit.
-    """
+    """True if whole-flight analysis found the tag at its search's or the usual limit."""
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -296,8 +279,7 @@ def silent_map(
     antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
-    """Compute where a flight would have detected a tag, with the link budget of `uavrt
-    coverage`.
+    """Where a flight would have detected a tag, with the budget of `uavrt coverage`.
 
     Without `elevation` the ground is assumed level; without `antenna` the flight's antenna is
     used. `on_pulse` is called with the number of computed pulses and their total.
@@ -322,8 +304,7 @@ def silent_maps(
     elevation: Elevation | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> dict[int, SilentMap]:
-    """Compute coverage maps of the tags that were not found in the flight just analysed, by tag
-    id.
+    """Coverage maps of the tags not found in the flight just analysed, by tag id.
 
     These are the maps of `uavrt coverage FLIGHT`, computed before the results are saved. Tags
     that were received, or may have been, get no map. Parameters and errors are as in
@@ -363,8 +344,7 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance from a path within which the detection probability is at least 0.9 everywhere
-    [m]; None if nowhere.
+    """Distance around a path within which the probability is 0.9 or more [m]; None if nowhere.
 
     Cells of unknown ground height count as not detected, and the distance cannot exceed the
     map's extent. `east_m` and `north_m` (n,) are the path in the map's plane.
@@ -389,9 +369,7 @@ def sure_within_m(
 
 
 def around_in_words(around: SilentAround) -> str:
-    """Return a sentence that states within which distance of the flight a tag would have been
-    found.
-    """
+    """Sentence on the distance from the flight within which a tag would have been found."""
     what = "found" if around.whole_flight else "detected"
     power = f"{around.tag_power_dbm:g} dBm".replace("-", "\N{MINUS SIGN}")
     if around.within_m is None:

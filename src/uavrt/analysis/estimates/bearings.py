@@ -46,25 +46,19 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """Name of the flight or log as shown to the operator, with the vehicle if it was
-        recorded.
-        """
+        """Name of the flight or log for the operator, with the vehicle if recorded."""
         vehicle = None if self.flight is None else vehicle_of(self.flight.notes)
         return self.path.name if vehicle is None else f"{self.path.name} (vehicle {vehicle})"
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern; monopole for logs without headings. Raises
-        `UsageError`.
-        """
+        """Name of the antenna pattern; monopole without headings. Raises `UsageError`."""
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Name of the directional antenna, RA-23K if unknown. Raises `UsageError` for an
-        upright whip, which gives no bearings.
-        """
+        """Directional antenna's name, by default RA-23K. `UsageError` for an upright whip."""
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -100,9 +94,7 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Return the pulses of a flight, or those given, with their poses as arrays. Raises
-    `UsageError` if no pulse has a pose.
-    """
+    """Pulses of a flight, or those given, with poses as arrays. `UsageError` without poses."""
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -163,8 +155,7 @@ def past_turns(
     *,
     excluded: Sequence[Flight] = (),
 ) -> list[list[HeardInTurn]]:
-    """Return the pulses of each turn in past flights of the same drone with the same antenna,
-    by flight.
+    """Pulses of each turn in past flights of the same drone and antenna, by flight.
 
     Flights in the same folder are read, newest first, until there are enough turns.
     """
@@ -191,18 +182,14 @@ def past_turns(
 
 
 def _set_up(flight: Flight) -> tuple[Hashable, ...]:
-    """Drone, antenna and mounting of a flight. Flights with equal values have the same antenna
-    pattern.
-    """
+    """Drone, antenna and mounting; flights with equal values share the antenna pattern."""
     settings = flight_settings(flight)
     mounted = None if settings is None else (settings.antenna, settings.bearings.antenna)
     return vehicle_of(flight.notes), mounted
 
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Return a sentence that states how many turns of how many flights corrected the antenna
-    pattern; None for a single flight.
-    """
+    """Sentence on the turns and flights that corrected the pattern; None for one flight."""
     turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
@@ -219,9 +206,7 @@ def check_method(method: str, known: Sequence[str]) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by at least three turns, so that it includes the airframe's
-    effect. Raises `UsageError` for fewer turns.
-    """
+    """Correct an antenna pattern by turns, airframe included; `UsageError` for under three."""
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

@@ -22,8 +22,7 @@ def observers_of(
     kept: Path | None,
     warn: Callable[[str], None],
 ) -> dict[str, Observer]:
-    """Return the bearing errors of each observer: stored ones, and those learnt from trials in
-    `tables`.
+    """Bearing errors of each observer: stored ones, and those of trials in `tables`.
 
     `kept` is the file to read and update; None reads an observers.json next to a table. Raises
     `FormatError` for a damaged file, `UsageError` if there is neither a file nor a trial, and

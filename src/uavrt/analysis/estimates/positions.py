@@ -53,13 +53,11 @@ POSITION_METHODS = (*get_args(PositionMethod), *ADDED_METHODS)
 _BEARING_COLUMNS = 10
 _SAME_PLACE_M = 30.0
 _SAME_BEARING_SIGMAS = 3.0
-"""Largest difference between two bearings at which one may be a copy of the other [standard
-deviations]."""
+"""Largest difference between a bearing and its copy [standard deviations]."""
 _USUAL_SIGMA_DEG = 6.0
 """Standard deviation assumed for a bearing from a file that states none [deg]."""
 _FIRST_LINES = 100
-"""Maximum number of lines that are read to recognise a file's format, since comments may
-precede the data."""
+"""Lines read to recognise a file's format, since comments may precede the data."""
 
 _Tables = list[tuple[Path, Sequence[BearingRow]]]
 
@@ -144,7 +142,6 @@ def read_positions(
 
 def _numbered(tables: _Tables, same: SameTags) -> tuple[_Tables, dict[int, str]]:
     """Number tags that tables name: as the flights' tag of that name, else by unused numbers.
-
     Also returns the names by number.
     """
     rows = [row for _, every in tables for row in every]
@@ -210,9 +207,7 @@ def _noted(rows: Sequence[BearingRow], observers: Mapping[str, Observer]) -> lis
 def _without_repeats(
     files: Sequence[tuple[str, list[TagBearing]]], warn: Callable[[str], None]
 ) -> list[tuple[str, list[TagBearing]]]:
-    """Remove bearings that an earlier file also contains, with equal tag, position, time and
-    angle.
-    """
+    """Remove bearings with equal tag, position, time and angle in an earlier file."""
     key = attrgetter(
         "tag_id", "start_time_ns", "latitude_deg", "longitude_deg", "bearing.bearing_deg"
     )
@@ -230,9 +225,7 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Replace the tag numbers of a file by keys that are unique over all files. Raises
-    `UsageError` if a number is ambiguous.
-    """
+    """Use tag keys that are unique over all files; `UsageError` for an ambiguous number."""
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
@@ -266,9 +259,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """False for a log whose poses were recorded by the original UAV-RT system, because
-        their headings are wrong.
-        """
+        """False for a log with poses of the original system, whose headings are wrong."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -332,9 +323,7 @@ def _positions_of_turns(
     over: FlightGround | None,
     warn: Callable[[str], None],
 ) -> list[TagPosition]:
-    """Return each tag's position, estimated from bearings and signal strengths, or the reason
-    why it has none.
-    """
+    """Each tag's position from bearings and signal strengths, or why it has none."""
     usable = [one for one in logs if one.usable]
     if len(usable) < len(logs):
         warn(NO_BEARINGS_FROM_THESE)
@@ -374,8 +363,7 @@ def _is_copy(noted: TagBearing, own: TagBearing) -> bool:
 
 
 def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
-    """Number of columns of a bearings.csv (10 or 11) or positions.csv (up to 8); 0 for any
-    other file.
+    """Number of columns of a bearings.csv (10, 11) or positions.csv (up to 8), else 0.
 
     Both kinds begin with a number and a file name, which no pulse log does.
     """
@@ -398,9 +386,7 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """True for a CSV file of UCSD's position estimates, which has a column ``run`` but no
-    column ``amplitude``.
-    """
+    """True for UCSD's position estimates: a CSV with a column ``run``, no ``amplitude``."""
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -409,9 +395,7 @@ def _holds_estimates(path: str | os.PathLike[str]) -> bool:
 
 
 def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
-    """Return the last position of each target in UCSD's file, since later estimates of a target
-    are better.
-    """
+    """Last position of each target in UCSD's file, since later estimates are better."""
     rows = read_ucsd_estimates(path)
     last: dict[int, TargetEstimate] = {}
     for number, row in zip(tag_numbers([one.frequency_hz for one in rows]), rows, strict=True):
@@ -432,9 +416,7 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Read positions from the original UAV-RT's positions.csv: those of one method, or of all
-    methods for ``bayes``.
-    """
+    """Read the original's positions.csv: one method's, or for ``bayes`` all methods'."""
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -447,8 +429,7 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Exclude logs that share at least half of their pulses, at equal positions, with a longer
-    log.
+    """Exclude logs that share half of their pulses, at equal positions, with a longer log.
 
     A pulse recorded at two positions was received by two drones, so both logs are kept.
     """
@@ -469,9 +450,7 @@ def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> li
 
 
 def _place_and_time(posed: PulsePose) -> tuple[int, int, int, int]:
-    """Key of a pulse that is equal in all copies of a flight: tag, start time [ms] and position
-    (to 10 m).
-    """
+    """Key equal in all copies of a pulse: tag, start time [ms] and position (to 10 m)."""
     pose, pulse = posed.pose, posed.pulse
     milliseconds = round(pulse.start_time_ns / 1e6)
     if pose is None:

@@ -45,9 +45,7 @@ class HeightBand:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TagSignal:
-    """Results that are derived from one tag's signal strength: map, strongest signal, height
-    ranges.
-    """
+    """Results from one tag's signal strength: map, strongest signal, height ranges."""
 
     tag_id: int
     track: PowerTrack
@@ -62,17 +60,13 @@ class TagSignal:
 
     @property
     def layers(self) -> tuple[HeightBand, ...]:
-        """Height ranges that have a map of signal strength; empty if fewer than two have
-        one.
-        """
+        """Height ranges with a map of signal strength; empty if fewer than two have one."""
         mapped = tuple(one for one in self.heights if one.surface is not None)
         return mapped if len(mapped) > 1 else ()
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map a tag's signal strength, with a vertical section through `position` or, by default,
-    the strongest signal.
-    """
+    """Map a tag's signal strength, with a section through `position` or the strongest."""
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

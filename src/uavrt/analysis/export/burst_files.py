@@ -33,16 +33,12 @@ DETECTION_COLUMNS = (
 
 
 def has_bursts(survey: Survey) -> bool:
-    """True if any pulse or burst of a tag was received, so that there is something to
-    export.
-    """
+    """True if any pulse or burst of a tag was received, so that there is a file to write."""
     return bool(_bursts(survey))
 
 
 def _bursts(survey: Survey) -> list[PulsePose]:
-    """Pulses and bursts above the detection threshold, as a SensorGnome records them, in order
-    of time.
-    """
+    """Pulses and bursts above the threshold, as a SensorGnome records them, by time."""
     found = [one for one in survey.every_pulse if _written(one.pulse)]
     return sorted(found, key=lambda one: one.pulse.start_time_ns)
 
@@ -54,18 +50,14 @@ class _Port:
 
     @property
     def tuned_mhz(self) -> str:
-        """Frequency to which the port is tuned [MHz], in the form that find_tags reads: three
-        decimals, or more if needed.
-        """
+        """Frequency of the port [MHz], as find_tags reads it: three decimals or more."""
         whole, part = f"{self.tuned_hz / 1e6:.6f}".split(".")
         return f"{whole}.{part.rstrip('0'):0<3}"
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Return the port of each burst; there is one port for each frequency of listed tags.
-
-    An unlisted tag is assigned to a listed frequency within 2 kHz. If there is none, it gets
-    the median of its bursts' frequencies, rounded to 1 kHz.
+    """Return the port of each burst, one for each frequency of listed tags. An unlisted tag is
+    assigned to one within 2 kHz, else to the median of its bursts, rounded to 1 kHz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -180,9 +172,7 @@ def _noise_db(pulse: Pulse) -> float:
 
 
 def _slop(pulse: Pulse, tag: Tag | None) -> str:
-    """Sum of the differences between a burst's gaps and those of its code [s], as text; empty
-    if unknown.
-    """
+    """Sum of a burst's gap errors against its code [s], as text; empty if unknown."""
     starts_ns: Sequence[int] = pulse.burst_starts_ns
     if tag is None or not starts_ns or len(starts_ns) != len(tag.gaps_s) + 1:
         return ""
@@ -192,9 +182,7 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Difference between the time since the previous burst and a whole number of intervals [s],
-    as text; 0 for the first burst.
-    """
+    """Time since the last burst beyond whole intervals [s], as text; 0 for the first."""
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

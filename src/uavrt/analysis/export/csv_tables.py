@@ -36,9 +36,7 @@ REFERENCE_COLUMNS = (
 
 
 def pulses_csv(survey: Survey) -> str:
-    """Write all pulses, including those of whole-flight analysis, in the format of ``uavrt
-    detect -o``.
-    """
+    """Write all pulses, with those of whole-flight analysis, as ``uavrt detect -o`` does."""
     stream = io.StringIO(newline="")
     pulses = survey.every_pulse
     writer = PulseWriter(stream, "csv", bursts=any(one.pulse.burst_starts_ns for one in pulses))
@@ -48,9 +46,7 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Write pulses that have a pose in TagTracker's format; status 3 marks pulses found by
-    whole-flight analysis.
-    """
+    """Write pulses with a pose in TagTracker's format; status 3: of whole-flight analysis."""
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
@@ -77,19 +73,13 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Return rows for the original UAV-RT's ``bearings.csv``.
-
-    Turns without a clear direction are excluded, since the format has no column to mark
-    them.
-    """
+    """Rows of the original's ``bearings.csv``, without turns of unclear direction."""
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Return rows for the original UAV-RT's ``positions.csv``, by its estimators mle, rmr and
-    mest.
-    """
+    """Rows of the original's ``positions.csv``, by its estimators mle, rmr and mest."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
@@ -113,9 +103,7 @@ def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
 
 
 def fixes_csv(survey: Survey) -> str:
-    """Write the tags' positions with their uncertainty; a tag without a position gets the
-    reason.
-    """
+    """Write the tags' positions and their uncertainty, or the reason for having none."""
     header = (
         *("tag_id", "name", "time_utc", "method", "latitude_deg", "longitude_deg"),
         *("radius50_m", "radius95_m", "bearings", "may_be_farther_out"),
@@ -167,8 +155,7 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as events for Movebank: one for a resting tag, one for each point of a
-    moving tag's path.
+    """Write positions as Movebank events: one of a resting tag, one per point of a path.
 
     The event of a resting tag has the time of its last bearing. Movebank recognises the column
     names when the file is uploaded.
@@ -188,9 +175,7 @@ def movebank_csv(survey: Survey) -> str:
 def _places(
     survey: Survey, tag_id: int, position: Position
 ) -> list[tuple[int, float, float, float | None]]:
-    """Time, latitude, longitude and 95 % radius of a position or, for a moving tag, of each
-    point of its path.
-    """
+    """Time, latitude, longitude, 95 % radius of a position or of each point of its path."""
     if position.track:
         return [
             (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
@@ -230,9 +215,7 @@ def _movebank_row(
 
 
 def movebank_reference_csv(survey: Survey) -> str:
-    """Write Movebank's reference data, which state which animal carried which tag, with the
-    flight's date.
-    """
+    """Write Movebank's reference data: which animal carried which tag, from what date."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
     note = f"dates of {survey.name}: replace them by the deployment's"

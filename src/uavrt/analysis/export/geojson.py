@@ -36,14 +36,11 @@ _OF_POSITION = ("method", "radius50_m", "radius95_m", "bearings", "powers")
 
 Properties = dict[str, Any]
 Shape = tuple[list[list[Point]], Properties]
-"""The attributes of a point, line or area, and its parts; it is cut into parts at the 180°
-meridian."""
+"""Attributes of a point, line or area, and its parts, cut at the 180° meridian."""
 
 
 def geojson_text(survey: Survey) -> str:
-    """Write track, pulses, bearings, positions, paths of moving tags and marks as one GeoJSON
-    text.
-    """
+    """Write track, pulses, bearings, positions, tags' paths and marks as one GeoJSON."""
     features = [
         {
             "type": "Feature",
@@ -57,9 +54,7 @@ def geojson_text(survey: Survey) -> str:
 
 
 def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
-    """Yield each map layer of a survey: name, table name in a GeoPackage (or empty), geometry
-    type and shapes.
-    """
+    """Map layers of a survey: name, GeoPackage table or empty, geometry type, shapes."""
     track = list(map(point_of, thinned(survey.track)))
     rays: list[Shape] = []
     wedges: list[Shape] = []
@@ -197,9 +192,7 @@ def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Properties]]:
-    """Return the place of a tag's strongest signal, over all heights and in each height range,
-    with its attributes.
-    """
+    """Strongest signal's place over all heights and in each range, with attributes."""
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
         found.append((signal.strongest, None))
@@ -219,9 +212,7 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Return tag positions found by whole-flight analysis. A tag has two if a straight flight
-    path does not show on which side it is.
-    """
+    """Tags' positions by whole-flight analysis; two if a straight path leaves both sides."""
     return [
         (
             part,
@@ -238,9 +229,7 @@ def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]
 
 
 def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properties]]:
-    """Return the outlines of the 50 % and 95 % regions found by whole-flight analysis, cut at
-    the 180° meridian.
-    """
+    """Outlines of whole-flight analysis's 50 and 95 % regions, cut at the 180° meridian."""
     regions = []
     for verdict in survey.verdicts:
         for share, region in ((50, verdict.region50), (95, verdict.region95)):
@@ -255,9 +244,7 @@ def integrated_regions(survey: Survey) -> list[tuple[list[list[Point]], Properti
 
 
 def _counter_clockwise(ring: Ring) -> list[Point]:
-    """Convert a ring of latitudes and longitudes to points in counter-clockwise order, as RFC
-    7946 requires.
-    """
+    """Ring of latitudes and longitudes as counter-clockwise points, as in RFC 7946."""
     points = [(longitude, latitude) for latitude, longitude in ring]
     first = points[0][0]
     x = [math.remainder(longitude - first, 360.0) for longitude, _ in points]

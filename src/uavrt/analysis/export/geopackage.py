@@ -60,8 +60,7 @@ _SYSTEMS = (
 )
 _TYPES = {bool: "BOOLEAN", int: "INTEGER", float: "DOUBLE", str: "TEXT"}
 _TIMES = ("time", "start", "end")
-"""Names of the attributes that are stored as DATETIME, so that QGIS's temporal controller can
-use them."""
+"""Attributes stored as DATETIME, so that QGIS's temporal controller can use them."""
 _WKB = {"POINT": 1, "LINESTRING": 2, "POLYGON": 3}
 
 Feature = tuple[list[Point], dict[str, Any]]

@@ -1,5 +1,4 @@
-"""Write the spatial index of GeoPackage layers: the R-tree extension (OGC 12-128r18, annex
-F.3).
+"""Write GeoPackage layers' spatial index: the R-tree extension (OGC 12-128r18, F.3).
 
 Triggers keep the index correct when features are edited. They call functions such as
 ``ST_MinX``, which a program that edits GeoPackages provides.

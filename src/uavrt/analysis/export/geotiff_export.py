@@ -32,10 +32,8 @@ _GEO_KEYS = (
 
 
 def geotiff_bytes(grid: PositionGrid | SignalSurface, description: str) -> bytes:
-    """Encode a heat map, or a map of SNR [dB] with NaN where unknown, as GeoTIFF.
-
-    The north axis of `grid` may ascend or descend. `description` is stored as the file's image
-    description.
+    """Encode a heat map, or a map of SNR [dB] with NaN where unknown, as GeoTIFF with an image
+    `description`. The north axis of `grid` may ascend or descend.
     """
     rising = grid.north_m[-1] >= grid.north_m[0]
     cells = grid.probability if isinstance(grid, PositionGrid) else grid.snr_db

@@ -22,9 +22,7 @@ from uavrt.formats.whole_file import write_whole
 
 @dataclass(frozen=True, slots=True)
 class OneFile:
-    """An export format that consists of a single file, which the web page offers for
-    download.
-    """
+    """An export format of a single file, which the web page offers for download."""
 
     media_type: str
     content: Callable[[Survey], str | bytes]
@@ -85,9 +83,7 @@ def _csv(survey: Survey, directory: Path) -> list[Path]:
 
 
 def _where_any(directory: Path, files: Mapping[str, str | None]) -> list[Path]:
-    """Write files, given as content by name; a file whose content is None is deleted if it
-    exists.
-    """
+    """Write files by name; a file whose content is None is deleted if it exists."""
     for name, content in files.items():
         if content is None:
             (directory / name).unlink(missing_ok=True)

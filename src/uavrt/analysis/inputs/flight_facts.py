@@ -1,5 +1,4 @@
-"""Information that people add to a flight report: who flew which aircraft, and under which
-permit.
+"""Information that people add to a report: who flew which aircraft under which permit.
 
 It is in ``report.toml`` in the flight's directory, or in the folder above it, so that one file
 serves all flights of a season. docs/how-to/report-and-export.md has an example.
@@ -35,9 +34,7 @@ class ReportFacts:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Lines that are printed below the report's title, such as the operator and the
-        permit.
-        """
+        """Lines printed below the report's title, such as the operator and the permit."""
         labelled = (
             ("Operator", self.operator),
             ("Aircraft", self.aircraft),
@@ -78,9 +75,7 @@ def facts_path(flight: Path) -> Path | None:
 
 
 def facts_of(flight: Path) -> ReportFacts:
-    """Read the report.toml of a flight. Raises `ConfigError` if it is damaged or a field is
-    wrong.
-    """
+    """Read a flight's report.toml. Raises `ConfigError` if it is damaged or wrong."""
     path = facts_path(flight)
     if path is None:
         return ReportFacts()
@@ -101,9 +96,7 @@ def read_facts(path: Path) -> ReportFacts:
 
 
 def write_facts(folder: Path, facts: ReportFacts) -> None:
-    """Write a report.toml for all flights of a folder that have none of their own. Raises
-    `ConfigError`.
-    """
+    """Write a folder's report.toml, for flights without their own. Raises `ConfigError`."""
     path = folder / NAME
     fields = {name: text for name, text in asdict(facts).items() if text is not None}
     _judged(fields, path)

@@ -17,9 +17,7 @@ USUAL_ANTENNA = "RA-23K"
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """Return the settings recorded in a flight; None if there are none. Raises `FormatError` if
-    they are damaged.
-    """
+    """Settings recorded in a flight; None without any. `FormatError` if damaged."""
     if flight.settings_json is None:
         return None
     try:
@@ -47,9 +45,7 @@ def _settings_in(text: str) -> Settings:
 
 
 def antenna_poses(flight: Flight) -> list[Pose]:
-    """Convert the vehicle's poses to those of the antenna, using its mounting in the flight's
-    settings.
-    """
+    """Convert the vehicle's poses to the antenna's, by its mounting in the settings."""
     mounting = Mounting.from_settings((flight_settings(flight) or Settings()).antenna)
     posed = [one for one in flight.poses if is_attitude(one.quaternion_wxyz)]
     if flight.poses and not posed:
@@ -67,9 +63,7 @@ def antenna_is_recorded(flight: Flight) -> bool:
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Name of the antenna pattern in a flight's settings, RA-23K without settings. Raises
-    `UsageError` if unknown.
-    """
+    """Antenna pattern in a flight's settings, by default RA-23K. `UsageError` if unknown."""
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:

@@ -1,7 +1,5 @@
-"""Group pulses that another program found into bursts of listed coded tags.
-
-This is for logs without samples. If there are samples, the search for whole bursts
-(`uavrt.detection.coded`) is 3 dB more sensitive.
+"""Group pulses that another program found into bursts of listed coded tags, for logs without
+samples; with samples, `uavrt.detection.coded` is 3 dB more sensitive.
 """
 
 import math
@@ -18,16 +16,13 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 from uavrt.detection.coded.identity import in_step, likeliest
 
 FREQUENCY_REACH_HZ = 10_000.0
-"""Largest frequency error of the receiver's and the tag's crystals together [Hz]: 67 ppm at 150
-MHz."""
+"""Largest frequency error of receiver's and tag's crystals [Hz]: 67 ppm at 150 MHz."""
 SAME_BURST_HZ = 500.0
-"""Largest difference between the frequencies of a burst's pulses [Hz]; each is measured to
-about 100 Hz."""
+"""Largest frequency difference of a burst's pulses [Hz]; each is measured to 100 Hz."""
 _MOST_APART = 20
 """Largest number of burst intervals between two bursts that still confirm each other."""
 _SAME_PULSE_S = 1e-3
-"""Time within which two records at one frequency count as one pulse received by two antennas
-[s]."""
+"""Time within which two records at one frequency are one pulse at two antennas [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +72,7 @@ def bursts_of_pulses(pulse_poses: Sequence[PulsePose], tags: Sequence[Tag]) -> l
 
 
 def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
-    """Keep only the strongest of pulses that several antennas received at the same time and
-    frequency.
-    """
+    """Keep the strongest of pulses that antennas received at one time and frequency."""
     kept: list[PulsePose] = []
     for one in ordered:
         for place in range(len(kept) - 1, -1, -1):
@@ -100,10 +93,8 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Decide by the burst intervals which tag sent each burst.
-
-    Returns for each burst the match with its tag's code, the ids of other possible tags, and
-    whether it is confirmed.
+    """Decide by the burst intervals which tag sent each burst; return the match with its code,
+    the ids of other possible tags, and whether it is confirmed.
     """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {

@@ -1,7 +1,5 @@
-"""Find the times at which a flight has samples for a tag; a tag cannot be found at other times.
-
-A channel's ring buffer overwrites its oldest samples, recording stops when the storage is full,
-and a recording may be shorter than the flight.
+"""Find the times at which a flight has samples for a tag: ring buffers overwrite, storage fills
+up, and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence
@@ -23,9 +21,7 @@ _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Return the time spans [ns, UTC], in whole seconds, in which samples exist for at least
-    half of each second.
-    """
+    """Time spans [ns, UTC] of whole seconds that have samples for half their length."""
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -51,18 +47,14 @@ def within(time_ns: NDArray[np.float64], stretches: Sequence[Stretch]) -> NDArra
 
 
 def missing_in_words(share: float) -> tuple[str, ...]:
-    """Return a sentence that states which share of the flight has samples; empty if nearly
-    all.
-    """
+    """Sentence on the share of the flight that has samples; empty if nearly all."""
     if share >= _COMPLETE_SHARE:
         return ()
     return (f"samples exist for only {share:.0%} of the flight, and the rest was not searched",)
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude pulse energies measured more than 2 s from any pose, where the drone's position
-    is unknown.
-    """
+    """Exclude energies measured more than 2 s from any pose: the position is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies
@@ -76,9 +68,7 @@ def _away_from_poses(time_ns: NDArray[np.int64], poses: PoseColumns) -> NDArray[
 
 
 def limits_of(energies: SlotEnergies, poses: PoseColumns) -> tuple[str, ...]:
-    """Return sentences about samples without a pose and about parts of the flight without
-    samples.
-    """
+    """Sentences about samples without a pose and times of the flight without samples."""
     seconds = np.concatenate(
         [np.arange(*one, _SECOND) for one in listened_in(energies)] or [np.zeros(0, np.int64)]
     )

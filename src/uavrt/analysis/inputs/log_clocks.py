@@ -1,6 +1,4 @@
-"""Compare the clocks of logs that are analysed together, such as those of a mast and a
-drone.
-"""
+"""Compare the clocks of logs analysed together, such as a mast's and a drone's."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
@@ -20,21 +18,17 @@ _CLOCKS_SINCE_NS = 946_684_800 * NANOSECONDS_PER_SECOND
 _SAME_PULSE_S = 0.1
 """Longest time between the records of the same pulse in two logs [s]."""
 _LEAST_PULSES = 20
-"""Number of a tag's pulses that both logs must contain at least for their clocks to be
-compared."""
+"""Least number of a tag's pulses in both logs for their clocks to be compared."""
 _LEAST_ALIKE = 0.5
 """Share of pulses with equal times in two logs from which their clocks agree."""
 _SAME_INTERVAL = 0.03
 """Largest relative difference between two measurements of the same tag's pulse interval."""
 _LEAST_REGULAR = 0.8
-"""Minimum share of regular pulse intervals for a log to be compared; false pulses make
-intervals irregular."""
+"""Minimum share of regular intervals for a comparison; false pulses make them irregular."""
 
 
 def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
-    """Return warnings about logs whose clock was never set or differs much from all other
-    logs.
-    """
+    """Warnings about logs whose clock was never set or differs much from all others."""
     spans = [(path, min(times), max(times)) for path, times in logs if times]
     doubts = []
     for number, (path, first_ns, last_ns) in enumerate(spans):
@@ -60,11 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Return warnings about pairs of logs in which the same tag's pulses have different times.
-
-    This finds wrong clocks in logs that overlap, such as those of a mast that records all
-    day.
-    """
+    """Warn of overlapping logs in which the same tag's pulses have different times."""
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs
@@ -81,9 +71,7 @@ def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]])
 
 
 def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
-    """True if the same tag's pulses have different times in two logs; None if this cannot be
-    decided.
-    """
+    """True if a tag's pulses have different times in two logs; None if undecided."""
     intervals = [interval for each in (one, other) if (interval := _interval_ns(each))]
     if len(intervals) < 2 or abs(intervals[0] / intervals[1] - 1.0) > _SAME_INTERVAL:
         return None
@@ -97,9 +85,7 @@ def _is_apart(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool | None:
 
 
 def _interval_ns(times_ns: NDArray[np.int64]) -> float | None:
-    """Return the pulse interval [ns]; None for few or irregular pulses, or for rounded
-    times.
-    """
+    """Pulse interval [ns]; None for few or irregular pulses, or for rounded times."""
     steps = np.diff(times_ns)
     if len(steps) < _LEAST_PULSES or not np.any(times_ns % (NANOSECONDS_PER_SECOND // 10)):
         return None

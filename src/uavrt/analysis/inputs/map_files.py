@@ -65,9 +65,7 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Return the bytes of a tile as stored; None if the tile is missing. Raises
-        `FormatError` if the file is damaged.
-        """
+        """Bytes of a tile as stored; None if missing. `FormatError` if the file is damaged."""
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -126,9 +124,7 @@ def maps_in(directory: Path) -> tuple[MapFile, ...]:
 
 
 def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[float, float]:
-    """Column and row of the tile at a position in web Mercator, with the fraction inside the
-    tile.
-    """
+    """Column and row of the web Mercator tile at a place, with the fraction inside it."""
     count = float(2**zoom)
     sine = math.sin(math.radians(max(-85.05, min(85.05, latitude_deg))))
     row = (0.5 - math.log((1.0 + sine) / (1.0 - sine)) / (4.0 * math.pi)) * count
@@ -136,9 +132,7 @@ def tile_place(latitude_deg: float, longitude_deg: float, zoom: int) -> tuple[fl
 
 
 def tile_corner(column: float, row: float, zoom: int) -> tuple[float, float]:
-    """Latitude and longitude [deg] of the north-western corner of a tile, given its column and
-    row.
-    """
+    """Latitude and longitude [deg] of a tile's north-western corner, by column and row."""
     count = float(2**zoom)
     latitude = math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * row / count))))
     return latitude, column / count * 360.0 - 180.0
@@ -194,9 +188,7 @@ def _mbtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _opened(path: Path) -> "closing[sqlite3.Connection]":
-    """Open a map's database with a time limit for queries, because many MBTiles files contain
-    views that may be slow.
-    """
+    """Open a map's database with a limit on queries' time; views in MBTiles may be slow."""
     require_plain_file(path)
     address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
     database = sqlite3.connect(address, uri=True)
@@ -282,9 +274,7 @@ def _pmtiles_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
 
 
 def _tile_id(z: int, x: int, y: int) -> int:
-    """Return the PMTiles number of a tile, which counts lower zoom levels first and then along
-    a Hilbert curve.
-    """
+    """PMTiles number of a tile: lower zoom levels first, then along a Hilbert curve."""
     number, side = ((1 << 2 * z) - 1) // 3, (1 << z) // 2
     while side:
         right, below = int(bool(x & side)), int(bool(y & side))
@@ -298,9 +288,7 @@ def _tile_id(z: int, x: int, y: int) -> int:
 
 
 def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
-    """Find a tile in a directory: offset, length and run length (0 for a leaf directory); None
-    if it is missing.
-    """
+    """Tile's offset, length and run length (0: leaf directory) in a directory; or None."""
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):

@@ -1,7 +1,5 @@
-"""Identify the same tags in several logs that are analysed together.
-
-Logs without a tag list number their frequencies from 1, and a listed number may be reused for
-another animal. So a tag is identified by its number and its frequency together.
+"""Identify the same tags in several logs, by number and frequency together, because logs
+without a list number frequencies from 1, and listed numbers are reused.
 """
 
 import math
@@ -68,9 +66,7 @@ class _Heard:
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Determine which numbers in several logs belong to the same tag; `listed` contains each
-    log's tag list.
-    """
+    """Which numbers in several logs are the same tag; `listed`: each log's tag list."""
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
     warnings = _reused_numbers(groups)
@@ -103,9 +99,7 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """Group the received tags of all logs by number, and separate those of one number whose
-    frequencies differ.
-    """
+    """Group received tags by number; separate one number's tags of other frequencies."""
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -146,9 +140,7 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Match tags of logs without a list to listed tags by frequency; tags without a match get
-    new numbers.
-    """
+    """Match tags of logs without list to listed ones by frequency; others get new numbers."""
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

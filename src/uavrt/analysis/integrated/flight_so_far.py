@@ -1,5 +1,4 @@
-"""Analyse a flight that is still in progress as a whole, from the radio channels recorded so
-far.
+"""Analyse a flight in progress as a whole, from the radio channels recorded so far.
 
 The method is that of `uavrt.analysis.whole_flights.judged_flights`. Pulse energies are computed
 only once (`uavrt.localization.whole_flight.energies.growing`). Each repetition of the search
@@ -40,18 +39,14 @@ from uavrt.radio.files.sigmf import sigmf_layout
 
 
 class FlightSoFar:
-    """Searches the samples of a flight in progress for tags; they are in the flight's
-    `directory`.
-    """
+    """Searches a flight in progress for tags; its samples are in its `directory`."""
 
     def __init__(self, directory: Path, how: WholeFlightOptions) -> None:
         self._directory, self._how = directory, how
         self._heard: dict[int, _Heard] = {}
 
     def search(self, tag: Tag) -> IntegratedTag | None:
-        """Search all samples recorded so far for one tag; return None if they are too few or
-        none are new.
-        """
+        """Search all samples so far for one tag; None if they are too few or none are new."""
         channel = channel_of(kept_channels(self._directory), tag)
         if channel is None:
             return None
@@ -94,9 +89,7 @@ class _Heard:
         return 0.0 if self._growing is None else self._growing.length_s
 
     def listen(self, channel: KeptChannel) -> int:
-        """Add a channel's new samples to the pulse energies; return the number of new
-        blocks.
-        """
+        """Add a channel's new samples to the pulse energies; return the number of blocks."""
         growing = self._growing
         paths = channel.paths
         if growing is not None:

@@ -1,6 +1,4 @@
-"""Sum the signal of a whole flight by its phase in the pulse interval (folding), as arrays and
-pictures.
-"""
+"""Fold a whole flight's signal by its phase in the pulse interval: arrays, pictures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,9 +17,7 @@ _ROWS: Final = 32
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
-    """Write a picture of each tag's folded signal, such as ``tag_2_fold.png``; return the
-    files.
-    """
+    """Write a picture of each tag's folded signal, such as ``tag_2_fold.png``."""
     from uavrt.analysis.report.fold_page import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
 
@@ -46,10 +42,8 @@ def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> li
 
 
 def fold_of(one: IntegratedTag) -> FlightFold:
-    """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search.
-
-    The search excludes pulses that are strong enough to be detected alone. The folded signal
-    includes them, with a limited energy, as in `train_pulses`.
+    """Sum pulse energies by phase in the tag's interval, limited and weighted as in the search,
+    but with the pulses that are strong enough to be detected alone.
     """
     energies, pulses = one.energies, one.pulses
     row = int(np.argmin(np.abs(energies.offsets_hz - pulses.offset_hz)))
@@ -81,9 +75,7 @@ def fold_of(one: IntegratedTag) -> FlightFold:
 
 
 def best_place(one: IntegratedTag) -> int:
-    """Index in `one.places` of the most likely position; without a position, that of the
-    strongest pulse train.
-    """
+    """Index in `one.places` of the likeliest position, else of the strongest train."""
     if one.place is not None:
         return int(np.argmax(one.place.probability))
     return one.searched_place

@@ -44,10 +44,8 @@ def save_integrated(
     results: Sequence[IntegratedTag],
     silent: Mapping[int, SilentMap] | None = None,
 ) -> Path:
-    """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
-
-    Pulses that are already in the flight's log are excluded. `silent` contains maps of tags
-    that were not found.
+    """Write a flight's whole-flight results and pulses into its folder ``integrated/``, without
+    pulses of the flight's log, and with the maps of `silent` tags.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -61,10 +59,8 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses that whole-flight analysis found in addition to those detected in flight.
-
-    These are the expected pulses whose energy is one that noise alone reaches in at most 5 % of
-    cases. Their score, group and noise density are unknown.
+    """Pulses that whole-flight analysis found besides those detected in flight: expected ones
+    whose energy noise has in 5 % of cases at most. Score, group and noise density are unknown.
     """
     if not result.found:
         return []
@@ -104,9 +100,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Two masks of a pulse train's expected pulses: those sent at the train's rate, and those
-    above the noise.
-    """
+    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -126,9 +120,7 @@ def _heard_live(
 
 
 def verdict_of(flight: Flight, one: IntegratedTag) -> IntegratedVerdict:
-    """Return the record of a whole-flight result for one tag, as it is stored with the
-    flight.
-    """
+    """Record of a whole-flight result for one tag, as it is stored with the flight."""
     return _verdict(flight, one, len(integrated_pulses(flight, one)))
 
 
@@ -197,9 +189,7 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines (latitude, longitude) of the smallest region that contains the tag with
-    probability `share`.
-    """
+    """Outlines (latitude, longitude) of the smallest region of probability `share`."""
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

@@ -16,9 +16,7 @@ from uavrt.localization.whole_flight.train_place import PlaceBelief
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherTrainRecord:
-    """Pulse train found at a tag's frequency, with an interval that contradicts the tag's list
-    entry.
-    """
+    """Pulse train at a tag's frequency whose interval contradicts the tag's list entry."""
 
     interval_s: float
     frequency_hz: float
@@ -36,29 +34,24 @@ class SlotRecord:
     time_ns: int
     energy: float
     at_rate: bool
-    """True if the tag probably sent at this pulse train's rate in the slot; False if at its
-    other rate."""
+    """True if the tag probably sent at this train's rate; False if at its other rate."""
     stands_out: bool
     """True if noise alone reaches the slot's energy in at most one slot out of twenty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Position of a tag; all fields are None if the tag was not found or if it moved between
-    flights.
-    """
+    """Position of a tag; None in all fields if not found, or moved between flights."""
 
     enr_db: float | None = None
     """Energy of the tag's strongest pulse divided by the noise density [dB]."""
     latitude_deg: float | None = None
-    """Latitude of the tag [deg]; if there are several possible positions (`places`), of their
-    middle."""
+    """Latitude of the tag [deg], or of the middle of several possible `places`."""
     longitude_deg: float | None = None
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """Energy of the strongest pulse [dB], equal to `enr_db`; earlier versions used this
-    name."""
+    """Energy of the strongest pulse [dB], equal to `enr_db`; earlier versions' name."""
     bearing_deg: float | None = None
     arc50_deg: float | None = None
     arc95_deg: float | None = None
@@ -86,22 +79,18 @@ class PlaceRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SilenceRecord:
-    """Summary of the map that shows where a tag would have been found, for a tag that was not
-    found.
-    """
+    """Summary of the map of where a tag that was not found would have been found."""
 
     tag_power_dbm: float
     whole_flight: bool
-    """True if the map is for whole-flight analysis; False if it is for single groups of
-    pulses."""
+    """True if the map is for whole-flight analysis; False: for single groups of pulses."""
     mean_probability: float | None
     """Mean probability of finding the tag, over the map; None if no terrain is known."""
     share50: float | None
     """Share of the map in which the tag would be found with a probability of at least 0.5."""
     share90: float | None
     sure_within_m: float | None
-    """Distance from the flight within which the tag would be found everywhere with a
-    probability of at least 0.9 [m]; None if nowhere."""
+    """Distance within which the tag is surely (0.9 or more) found [m]; None if nowhere."""
     noise: str
     """Sentence for the operator about the noise measurement on which the map is based."""
     antenna: str
@@ -140,8 +129,7 @@ class IntegratedRecord(PlaceRecord):
     false_alarm_probability: float
     """Probability that noise alone would give a result as strong as this one in a flight."""
     interval_s: float
-    """Pulse interval of the train that was found or, if none was, of the strongest candidate
-    [s]."""
+    """Pulse interval of the train found or, if none was, of the best candidate [s]."""
     frequency_hz: float
     pulses: int
     """Number of the tag's expected pulses while it was sending at this rate; 0 if not found."""
@@ -157,8 +145,7 @@ class IntegratedRecord(PlaceRecord):
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """Where the tag would have been found; None if it may have been received, or without a
-    coverage map."""
+    """Where the tag would have been found; None if maybe received, or without a map."""
 
 
 def integrated_record(

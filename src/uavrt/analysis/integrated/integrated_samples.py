@@ -18,9 +18,7 @@ _BLOCK = 262_144
 
 
 class _Array:
-    """A sample source that reads from an array in memory; non-finite values are lost
-    samples.
-    """
+    """Sample source that reads from an array; non-finite values are lost samples."""
 
     def __init__(
         self,

@@ -29,8 +29,7 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 log = get_logger()
 
 NICENESS = 15
-"""Unix nice level of the integrator's process, a lower priority than that of detectors and
-estimator."""
+"""Unix nice level of the integrator's process, below detectors and estimator."""
 TICK_S = 0.5
 SHARE = 9.0
 """Ratio of the integrator's idle time to its working time; with 9 it uses a tenth of a core."""
@@ -39,8 +38,7 @@ RETRY_S = 5.0
 FEW_PULSES = 3
 """Number of pulses confirmed in flight from which a tag need not be reported by this search."""
 CLOSER = 0.5
-"""A position is reported again when its radius has shrunk to this share of the reported
-radius."""
+"""Share of the reported radius below which a position is reported again."""
 
 
 class SearchSchedule:
@@ -52,9 +50,7 @@ class SearchSchedule:
         self._rest_until_s = 0.0
 
     def due(self, now_s: float) -> Tag | None:
-        """Return the tag that has been due for the longest time; None if none is due or during
-        a pause.
-        """
+        """Tag that has been due for the longest time; None if none is, or during a pause."""
         if not self._due_s or now_s < self._rest_until_s:
             return None
         tag_id, due_s = min(self._due_s.items(), key=lambda item: item[1])
@@ -67,17 +63,13 @@ class SearchSchedule:
 
 
 class FindReporter:
-    """Selects the results that are reported to the ground: newly found tags, and much better
-    positions.
-    """
+    """Selects what is reported to the ground: newly found tags, much better positions."""
 
     def __init__(self) -> None:
         self._radius_m: dict[int, float] = {}
 
     def text(self, one: IntegratedTag) -> str | None:
-        """Return the status text for a search result; None if there is nothing new to
-        report.
-        """
+        """Status text for a search result; None if there is nothing new to report."""
         place = one.place
         if place is None or one.heard_alone >= FEW_PULSES:
             return None
@@ -122,9 +114,7 @@ class Integration:
             self._flight = None  # the whole of it is judged on the ground
 
     def _ground(self, settings: Settings) -> Elevation | None:
-        """Return the terrain model given in the settings; None (level ground) if there is
-        none.
-        """
+        """Terrain model given in the settings; None for level ground."""
         terrain = settings.guidance.terrain
         if terrain is None:
             return None
@@ -163,9 +153,7 @@ class Integration:
             self._frame.notify(5, text)
 
     def _work(self) -> None:
-        """Search for tags in a separate thread, so that the process continues to send
-        heartbeats.
-        """
+        """Search for tags in a thread, so that the process goes on sending heartbeats."""
         while (job := self._jobs.get()) is not None:
             flight, directory, tag = job
             began_s = cpu_s()

@@ -22,9 +22,7 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Return the name of an antenna pattern; if `text` is the path of a pattern file, it is
-    read and registered.
-    """
+    """Name of an antenna pattern; a pattern file's is read and registered first."""
     if text in PATTERNS:
         return text
     path = Path(text)
@@ -39,9 +37,7 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read an antenna pattern, which is named after its file. Raises `FormatError` for wrong
-    lines or angles.
-    """
+    """Read a pattern, named after its file. `FormatError` for wrong lines or angles."""
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()
@@ -94,9 +90,7 @@ def _on_grid(
 
 
 def write_antenna(pattern: AntennaPattern, path: Path, remark: str) -> None:
-    """Write an antenna pattern in the format that `read_antenna` reads. Raises
-    `RecordingError`.
-    """
+    """Write an antenna pattern as `read_antenna` reads it. Raises `RecordingError`."""
     lines = [f"# {remark}", "angle_deg,gain_db" + (",across_db" if pattern.h_plane_db else "")]
     grid = np.arange(0.0, 180.0 + STEP_DEG / 2, STEP_DEG)
     columns = [grid, pattern.gain_db(grid)]

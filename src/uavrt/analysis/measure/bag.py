@@ -53,13 +53,11 @@ from uavrt.link.ros2.types.ros_messages import (
 
 CHUNK_BYTES = 65536
 RECORDED = "recorded/"
-"""Topic prefix of motion orders in a bag; it prevents a gateway from obeying them when the bag
-is played."""
+"""Topic prefix of motion orders in a bag, so that no gateway obeys a played bag."""
 HINDSIGHT = "integrated/"
 """Topic prefix in a bag for pulses that ``uavrt integrate`` found."""
 METADATA_VERSION = 5
-"""Version of rosbag2's ``metadata.yaml``, that of ROS 2 Humble; later versions of ROS 2 can
-read it."""
+"""Version of rosbag2's ``metadata.yaml``: that of ROS 2 Humble, read by later ones."""
 
 Entry = tuple[int, str, RosMessage]
 """A message to be written to a bag: time [ns, UTC], topic and message."""
@@ -119,9 +117,7 @@ def export_bag(
 
 
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
-    """Write messages into one MCAP file; return rosbag2's description of the file and the
-    message counts.
-    """
+    """Write messages into one MCAP file; return rosbag2's description, message counts."""
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
     counts: Counter[str] = Counter()
@@ -198,9 +194,7 @@ def _order(what: str, time_ns: int, values: Mapping[str, object]) -> DiagnosticA
 def _pulses(
     info: FlightInfo, pulse_poses: Iterable[PulsePose], prefix: str = ""
 ) -> Iterator[Entry]:
-    """Yield the messages of each pulse, on the same topics as live: pulse, burst if coded,
-    pulse with pose.
-    """
+    """Messages of each pulse on the live topics: pulse, burst if coded, pulse with pose."""
     for item in sorted(pulse_poses, key=lambda item: item.pulse.end_time_ns):
         directory = _tag_directory(info, item.pulse.tag_id)
         time_ns = item.pulse.end_time_ns

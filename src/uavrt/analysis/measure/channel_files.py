@@ -1,5 +1,4 @@
-"""Split a band into channels and send them as datagrams in the format of the original UAV-RT
-system.
+"""Split a band into channels, sent as datagrams in the original UAV-RT's format.
 
 This implements ``uavrt channelize``. It replaces ``airspy_channelize 375000 100`` in a chain of
 the original's programs: ``airspy_rx | csdr | netcat`` send samples to it, and detectors receive
@@ -38,8 +37,7 @@ class ChannelizeSummary:
 def plan_channels(
     source: SampleSource, channels: Sequence[int], mode: Literal["default", "compatible"]
 ) -> FrontEnd:
-    """Set up the filters of the given channels, numbered as in the original UAV-RT, or of all
-    channels.
+    """Set up the filters of given channels, numbered as in the original UAV-RT, or all.
 
     A negative number means that the channel is also sent to its second port. `mode` selects the
     original's filter bank (3750 samples/s), or one that is twice oversampled and without
@@ -88,9 +86,7 @@ def _check_compatible(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """Return the UDP ports of each channel. Raises `ConfigError` if the port scheme has no
-    second port.
-    """
+    """UDP ports of each channel. `ConfigError` if the port scheme has no second port."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
@@ -117,10 +113,9 @@ def channelize(
     should_stop: Callable[[], bool] = lambda: False,
     summary: ChannelizeSummary | None = None,
 ) -> ChannelizeSummary:
-    """Send the channels until the source ends or the run is stopped.
-
-    A file is played at `speed` times real time, because a faster sender would overflow the
-    receiver's buffer; 0 means no limit. `summary` is updated during the run.
+    """Send the channels until the source ends or the run is stopped. A file is played at
+    `speed` times real time, lest it overflow the receiver's buffer; 0: no limit. `summary` is
+    updated.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

@@ -1,8 +1,5 @@
-"""Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
-
-Each pulse is detected separately, which is possible because the tag to be measured is near.
-Pulses within a quarter of a second form a burst. Bursts with equal gaps belong to one tag, and
-their times give the burst interval.
+"""Find coded tags in a recording, near enough that each pulse is detected: bursts of pulses
+within a quarter of a second that repeat with the same gaps.
 """
 
 import math
@@ -26,21 +23,17 @@ _WIDTH_S: Final = 0.0025
 """Length of the filter that detects pulses [s], equal to a coded tag's usual pulse width.
 Pulses up to 7.5 ms wide are found."""
 _REACH_S: Final = 0.009
-"""Half-width of the time around a pulse with which its energy is compared [s]; gaps between
-pulses are longer."""
+"""Half-width of the time to compare a pulse's energy with [s]; gaps are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Inverse of the step to which measured pulse widths are rounded [1/s]: 0.5 ms, as in data
-sheets."""
+"""Inverse of the step of measured pulse widths [1/s]: 0.5 ms, as in data sheets."""
 _LEAST: Final = 30.0
 """Minimum ratio of a coded pulse's energy to the mean energy of the noise, 30 (15 dB)."""
 _PEAKED: Final = 4.0
-"""Minimum ratio of a coded pulse's energy at its frequency to the median energy within 1
-kHz."""
+"""Minimum ratio of a coded pulse's energy to the median within 1 kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
-"""Maximum number of burst intervals that the shortest time between two received bursts may
-contain."""
+"""Most burst intervals that the shortest time between two received bursts may hold."""
 _WINDOW_HZ: Final = 1000.0
 
 
@@ -96,8 +89,7 @@ def find_codes(
 def _code(
     middles_s: NDArray[np.float64], widths_s: NDArray[np.float64], frequency_hz: float
 ) -> MeasuredCode | None:
-    """Measure a code from bursts with equal gaps, one burst per row; None if the bursts are not
-    regular.
+    """Measure a code from bursts with equal gaps, one per row; None if irregular.
 
     Gaps are measured between the pulses' middles, which are more accurate than their starts.
     They are then corrected for the mean width of each pulse in the burst.
@@ -118,8 +110,7 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Fit the longest burst interval that divides all times between bursts; None if there is
-    none.
+    """Longest burst interval that divides all times between bursts; None without one.
 
     If every second burst is lost, the shortest time between two bursts contains more than one
     interval.
@@ -178,9 +169,7 @@ class BurstPulses:
             self._held = self._held[count * cells.hop :]
 
     def finish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the middles [s from the first sample] and the widths [s] of the strong pulses,
-        in order of time.
-        """
+        """Middles [s from the first sample] and widths [s] of the strong pulses, by time."""
         if self._cells is None:
             return np.zeros(0), np.zeros(0)
         self._push(self._cells)
@@ -192,8 +181,7 @@ class BurstPulses:
 def _pulses(
     energies: NDArray[np.float32], cells: Cells
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the middle and the width [s] of each pulse, at half its height in the filter's
-    output.
+    """Middle and width [s] of each pulse, at half its height in the filter's output.
 
     At the filter's output, the amplitude of a rectangular pulse rises and falls linearly.
     """

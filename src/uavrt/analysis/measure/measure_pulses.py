@@ -1,6 +1,4 @@
-"""Fit each pulse of a tag separately, then combine the fits to frequency, width and
-intervals.
-"""
+"""Fit each pulse of a tag, then combine the fits to frequency, width, intervals."""
 
 import math
 from collections.abc import Sequence
@@ -28,11 +26,9 @@ from uavrt.detection.beeps.tuning import INTERVALS
 SAME_RATE: Final = 0.004
 """Largest relative difference between two measurements of the same pulse interval."""
 NEAR_RATE: Final = 0.05
-"""Largest relative difference between the intervals of two series of pulses that may be
-joined."""
+"""Largest relative difference of the intervals of two joined series of pulses."""
 SIGNIFICANT: Final = 4.0
-"""Smallest drift of the interval that is removed before the jitter is computed [standard
-deviations]."""
+"""Smallest drift removed from the interval before the jitter [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,8 +41,7 @@ class PulseWindow:
     offset_hz: float
     """Frequency of the tag relative to the channel's centre [Hz]."""
     apart_hz: float
-    """Frequency of this pulse as found in the first pass, relative to the tag's frequency
-    [Hz]."""
+    """Frequency of the pulse in the first pass, relative to the tag's frequency [Hz]."""
     burst: int
 
 
@@ -115,9 +110,7 @@ def _rates(
     good: NDArray[np.bool_],
     start_ns: int,
 ) -> tuple[MeasuredRate, ...]:
-    """Compute each interval from the fitted pulse times, and merge series of pulses with equal
-    intervals.
-    """
+    """Compute intervals from pulse times, and merge series of pulses with equal ones."""
     stretches: list[tuple[NDArray[np.float64], float]] = []
     for beat in sorted(beats, key=lambda one: int(one.members[0])):
         chosen = [numbers[int(k)] for k in beat.members if int(k) in numbers]
@@ -147,9 +140,7 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two series of pulse times across a gap; None unless both belong to one sequence of
-    equal intervals.
-    """
+    """Join two series of pulse times across a gap if they share equal intervals, or None."""
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -219,9 +210,7 @@ def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Fit a line by least squares; return value at 0 and slope, each followed by its standard
-    deviation.
-    """
+    """Fit a line by least squares; value at 0 and slope, each with standard deviation."""
     design = np.stack((np.ones_like(x), x), axis=1)
     inverse = np.linalg.pinv(design.T @ design)
     value, slope = inverse @ design.T @ y
@@ -236,8 +225,7 @@ def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float,
 
 
 def _enr(fit: FittedPulse, window: PulseWindow) -> float:
-    """Return the pulse's energy divided by the noise density measured before the pulse, within
-    600 Hz of it.
+    """Pulse's energy over the noise density before it, within 600 Hz of the pulse.
 
     The noise is the median of the spectrum, since a nearby carrier may fill some of its
     bins.

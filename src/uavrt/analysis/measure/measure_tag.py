@@ -36,21 +36,16 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Length of samples on each side of a pulse's middle that are analysed [s]; their outer halves
-contain only noise."""
+"""Samples on each side of a pulse's middle [s]; their outer halves are only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Maximum number of frequencies that are searched for coded tags; each search takes 2 % of a
-core."""
+"""Most frequencies that are searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
-"""Frequency difference from a coded tag below which short pulses are attributed to that tag
-[Hz]."""
+"""Frequency distance from a coded tag below which short pulses are that tag's [Hz]."""
 _SAME_INTERVAL_S: Final = 0.002
-"""Difference between intervals below which a periodic signal is considered part of a coded
-tag's bursts [s]."""
+"""Interval difference below which a periodic signal is part of coded bursts [s]."""
 _LEAST_ALIKE: Final = 0.6
-"""Minimum share of a signal's pulses that must agree in width and frequency; a signal with
-fewer is doubtful."""
+"""Minimum share of a signal's pulses of one width and frequency; less is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,9 +168,7 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
 
 
 def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
-    """Choose a limited number of frequencies, inside the band and well apart, that are searched
-    for codes.
-    """
+    """Choose a limited number of frequencies, well apart, that are searched for codes."""
     chosen: list[float] = []
     for offset_hz in offsets_hz:
         apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
@@ -220,9 +213,7 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Search the band, or a part of it; return the pulses, the reference of their times [ns]
-    and the duration [s].
-    """
+    """Search the band or a part; return pulses, their times' zero [ns], duration [s]."""
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2
@@ -281,9 +272,7 @@ def _cut(
     suspects_hz: Sequence[float],
     start_ns: int,
 ) -> tuple[list[list[PulseWindow]], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-    """Extract samples around each pulse from a narrow channel, and find the pulses of
-    bursts.
-    """
+    """Extract samples around pulses from a narrow channel; find the pulses of bursts."""
     center_hz = source.center_frequency_hz
     offsets_hz = [*(train.frequency_hz for train in trains), *suspects_hz]
     front_end = FrontEnd(

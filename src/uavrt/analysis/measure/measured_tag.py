@@ -18,8 +18,7 @@ class MeasuredRate:
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of pulse times from equal intervals [s], including the measurement
-    error."""
+    """Standard deviation of pulse times from equal intervals [s], error included."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float
@@ -35,8 +34,7 @@ class MeasuredTag:
     """A tag as measured in a recording; each sigma is one standard deviation."""
 
     frequency_hz: float
-    """Frequency of the tag in the middle of the recording, relative to the radio's crystal
-    [Hz]."""
+    """Tag's frequency in the recording's middle, relative to the radio's crystal [Hz]."""
     frequency_sigma_hz: float
     drift_hz_per_s: float
     drift_sigma_hz_per_s: float
@@ -52,10 +50,9 @@ class MeasuredTag:
     """Pulse intervals of the tag, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Return a tag list entry of at most two intervals, with margins for seasonal changes.
-
-        The tolerance of the interval is 1 %, or the measured uncertainty if that is greater.
-        The jitter is a quarter above the largest deviation.
+        """Return a tag list entry of at most two intervals, with margins for seasonal changes:
+        1 % or the measured uncertainty for the interval, a quarter above the largest deviation
+        for the jitter.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 COARSE: Final = 4
 """Step of the first search for a pulse's edges [samples]."""
 SMOOTH_S: Final = 0.002
-"""Length of the Hann window that removes signals more than 1 kHz off [s]; it does not shift the
-pulse's edges."""
+"""Hann window that removes signals over 1 kHz off [s]; it leaves edges in place."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
-"""Ratio of a sample's power to the median power on both sides from which the sample counts as
-an impulse.
+"""Power ratio of a sample to the median on both sides that makes it an impulse.
 
 Noise reaches it once in a million samples. At a pulse's edge, one side is as strong as the
 sample."""
@@ -36,8 +34,7 @@ TURNS: Final = 3
 SLOPES_HZ_S: Final = np.arange(-30e3, 30.1e3, 2.5e3)
 """Slopes of the frequency that are tried [Hz/s]: up to 600 Hz in a pulse of 20 ms."""
 SLIDING_GAIN: Final = 1.3
-"""Minimum gain of pulse energy by a slope for it to be the tag's; a slide of 140 Hz within a
-pulse has it."""
+"""Minimum energy gain of a tag's frequency slope; a slide of 140 Hz has it."""
 MOST_TRIED: Final = 60
 """Number of pulses of a tag from which its slope is measured."""
 
@@ -58,9 +55,7 @@ class FittedPulse:
 def fit_pulse(
     samples: NDArray[np.complex64], *, sample_rate_hz: float, frequency_hz: float
 ) -> FittedPulse:
-    """Fit the strongest pulse in the middle half of the samples; the outer quarters must
-    contain only noise.
-    """
+    """Fit the strongest pulse in the samples' middle half; the rest must be noise."""
     shortest = max(2, round(SHORTEST_S * sample_rate_hz))
     longest = min(samples.size, round(LONGEST_S * sample_rate_hz))
     samples = without_carriers(without_impulses(samples, sample_rate_hz))
@@ -139,10 +134,8 @@ def without_impulses(
 
 
 def without_carriers(samples: NDArray[np.complex64]) -> NDArray[np.complex64]:
-    """Subtract steady carriers, which are estimated from the outer quarters of the samples.
-
-    The pulse lies in the middle half, so it does not affect the estimate. Each carrier is the
-    peak of the remaining spectrum, fitted by least squares.
+    """Subtract steady carriers, each the peak of the remaining spectrum, fitted by least
+    squares to the outer quarters of the samples, without the pulse in the middle half.
     """
     count = samples.size
     outer = np.ones(count)
@@ -172,9 +165,7 @@ def _turned(count: int, cycles: float) -> NDArray[np.complex128]:
 
 
 def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tuple[int, int]:
-    """Find the pair of samples between which the pulse energy divided by the length is
-    greatest.
-    """
+    """Pair of samples between which pulse energy divided by length is greatest."""
     best, edges = -1.0, (0, shortest)
     for length in range(shortest, longest + 1):
         gathered = running[length:] - running[:-length]
@@ -188,9 +179,7 @@ def _edges(running: NDArray[np.complex128], shortest: int, longest: int) -> tupl
 def _better_edges(
     running: NDArray[np.complex128], first: int, last: int, shortest: int
 ) -> tuple[int, int]:
-    """Shift both edges of a pulse by up to two coarse steps to the position of greatest
-    likelihood.
-    """
+    """Shift a pulse's edges by up to two coarse steps, to the greatest likelihood."""
     reach = np.arange(-2 * COARSE, 2 * COARSE + 1)
     starts = np.clip(first + reach, 0, running.size - 1)
     ends = np.clip(last + reach, 0, running.size - 1)
@@ -217,8 +206,7 @@ def _frequency(pulse: NDArray[np.complex64], rate_hz: float, near_hz: float) -> 
 
 
 def _between(running: NDArray[np.complex128], first: int, last: int) -> tuple[float, float]:
-    """Interpolate both edges to a fraction of a sample, by the amplitudes of the samples at the
-    edges.
+    """Interpolate both edges to a fraction of a sample, by the amplitudes there.
 
     A sample at the edge of a pulse has the share of the amplitude that the pulse covers. Each
     edge is shifted until the summed amplitude agrees with that inside the pulse.

@@ -35,9 +35,7 @@ def point_of(one: Located) -> Point:
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """Length at which a bearing is drawn as a line [m]: a fifth beyond the tag's position or,
-    if that is unknown, `RAY_M`.
-    """
+    """Drawn length of a bearing [m]: a fifth beyond the tag's position, or `RAY_M`."""
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -52,9 +50,7 @@ def ray(bearing: TagBearing, length_m: float) -> list[Point]:
 
 
 def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
-    """Return the closed outline of a bearing's 90 % sector, counter-clockwise; None if the
-    sector is unknown.
-    """
+    """Closed outline of a bearing's 90 % sector, counter-clockwise; None if unknown."""
     if bearing.bearing.interval90_deg is None:
         return None
     low, high = bearing.bearing.interval90_deg
@@ -66,9 +62,7 @@ def wedge(bearing: TagBearing, length_m: float) -> list[Point] | None:
 
 
 def region95(position: Position) -> list[Point] | None:
-    """Return the closed outline of the 95 % ellipse or circle, counter-clockwise; None if
-    unknown.
-    """
+    """Closed outline of the 95 % ellipse or circle, counter-clockwise; None if unknown."""
     if position.ellipse95 is not None:
         ellipse = position.ellipse95
         long_m, short_m = ellipse.semi_major_m, ellipse.semi_minor_m
@@ -98,9 +92,7 @@ def path_points(position: Position | None) -> list[Point]:
 
 
 def region_lines(position: Position, share: int) -> list[list[Point]]:
-    """Outlines of the smallest region that contains the tag with a probability of `share`
-    percent, cut at the 180° meridian.
-    """
+    """Outlines of the smallest region of `share` percent, cut at the 180° meridian."""
     if position.grid is None:
         return []
     rings = _outlines(position.grid, share / 100.0)
@@ -108,11 +100,7 @@ def region_lines(position: Position, share: int) -> list[list[Point]]:
 
 
 def rings95(position: Position) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region; without a probability grid, the 95 % ellipse or
-    circle.
-
-    They are for local maps and are not cut at the 180° meridian.
-    """
+    """Outlines of the smallest 95 % region, else ellipse or circle; uncut, for local maps."""
     if position.grid is not None:
         return _outlines(position.grid, 0.95)
     area = region95(position)
@@ -171,9 +159,7 @@ def split_area_at_date_line(ring: Sequence[Point]) -> list[list[Point]]:
 
 
 def _this_side(ring: list[Point], side_deg: float) -> list[Point]:
-    """Clip a closed ring at longitude `side_deg`, which is ±180 (Sutherland and Hodgman
-    1974).
-    """
+    """Clip a closed ring at longitude `side_deg`, ±180 (Sutherland and Hodgman 1974)."""
     kept: list[Point] = []
     for before, point in pairwise(ring):
         inside = [abs(one[0]) <= 180.0 or one[0] * side_deg < 0.0 for one in (before, point)]

@@ -1,6 +1,5 @@
-"""Run the detectors over any source of samples in one thread, as ``uavrt detect`` does.
-
-Front end and detectors work as in a flight's processes, but without sockets between them.
+"""Run the detectors over any source of samples in one thread, as ``uavrt detect`` does: front
+end and detectors as in a flight, without sockets between them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,9 +29,7 @@ _POLL_S: Final = 0.5
 
 
 def _coded_detector() -> "type[CodedDetector]":
-    """Import and return the coded-tag detector only when needed, because it loads 22 MB of
-    scipy.special.
-    """
+    """Import the coded-tag detector when needed: it loads 22 MB of scipy.special."""
     from uavrt.detection.coded.coded_detector import CodedDetector
 
     return CodedDetector
@@ -162,17 +159,13 @@ class DetectionChain:
         return self._reported(self._group.flush() + bursts)
 
     def search_reports(self) -> list[SearchReport]:
-        """Return reports on searches without a pulse since the last call, one per second and
-        tag.
-        """
+        """Reports on searches without a pulse since the last call, one per second and tag."""
         searching: list[PulseDetector | CodedDetector] = [*self._group.detectors]
         searching += self._coded.values()
         return [report for detector in searching for report in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Remove pulses in excluded frequency ranges, and mark pulses during which the receiver
-        clipped.
-        """
+        """Remove pulses in excluded ranges; mark pulses while the receiver clipped."""
         covers = self.clipping.times.covers
         return [
             replace(pulse, clipped=True)
@@ -204,9 +197,7 @@ class Searched:
 
     @property
     def weakest_enr_db(self) -> float:
-        """Mean energy of a pulse over the noise density at which 90 % of groups are detected
-        [dB].
-        """
+        """Mean ENR of a pulse at which 90 % of groups are detected [dB]."""
         return self._weakest_db / self._reports
 
 

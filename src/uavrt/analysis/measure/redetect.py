@@ -1,7 +1,5 @@
-"""Search a flight's recording again, and write the pulses with their poses as a new flight.
-
-The result is an ordinary flight directory. Use this for tags that were added to the list after
-the flight, for another frequency window, or for a better detector.
+"""Search a flight's recording again, for new tags, another frequency window or a better
+detector, and write the pulses with their poses as a new flight directory.
 """
 
 import shutil
@@ -21,9 +19,7 @@ from uavrt.radio.source import SampleSource
 
 
 class FlightWriter:
-    """Writes a new flight from pulses detected again in a recording and from the poses of the
-    old flight.
-    """
+    """Writes a flight from pulses detected again and the poses of the old flight."""
 
     def __init__(
         self,
@@ -64,9 +60,7 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses outside the time span of the poses; a high number means a wrong
-        flight or start time.
-        """
+        """Number of pulses outside the poses' time; if high, flight or start is wrong."""
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
@@ -81,9 +75,7 @@ class FlightWriter:
         self._recorder.close()
 
     def discard(self) -> None:
-        """Remove the new flight if no samples were searched, so that it does not count as a
-        flight.
-        """
+        """Remove the new flight if no samples were searched, so that it does not count."""
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -101,10 +93,7 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Add the antenna's poses in a flight to pulses; return them in order of time and tag.
-
-    A pulse outside the time span of the flight gets no pose.
-    """
+    """Add a flight's antenna poses to pulses, by time and tag; None outside the flight."""
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:
@@ -114,9 +103,7 @@ def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
 
 
 def _attacher_of(flight: Flight, antenna: AntennaSettings) -> PoseAttacher:
-    """Return a pose attacher that contains all poses of a flight, so that pulses need not wait
-    for poses.
-    """
+    """Pose attacher with all poses of a flight, so that pulses wait for none."""
     ring = PoseRing(antenna, capacity=max(len(flight.poses), 1))
     for pose in flight.poses:
         ring.add_pose(pose)

@@ -39,8 +39,7 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse's width that is excluded at each end: 2 ms of 20 ms, twice the error of the
-measured start."""
+"""Share of a pulse excluded at each end: 2 of 20 ms, twice the start's error."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -65,9 +64,7 @@ class SwitchedArray:
         return _METHODS[self.kind]
 
     def steering(self, frequency_hz: float) -> Steering:
-        """Return the complex responses of the antennas to a wave, as a function of its
-        direction.
-        """
+        """Complex responses of the antennas to a wave, as a function of its direction."""
         size = self.size_m * frequency_hz / SPEED_OF_LIGHT_M_S
         if self.kind == "circle":
             return circle_steering(self.schedule.positions, size)
@@ -75,9 +72,7 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Read the antenna array from a recording's metadata. Raises `FormatError` if it is missing
-    or wrong.
-    """
+    """Antenna array in a recording's metadata. `FormatError` if missing or wrong."""
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(
@@ -189,9 +184,7 @@ def _measured(
 
 
 def _span(one: PulsePose, times: BlockTimes, rate_hz: float) -> tuple[int, int]:
-    """Indices of the first and last sample of a pulse without its edges; lost samples are
-    counted.
-    """
+    """First and last sample index of a pulse without edges; lost samples are counted."""
     width_ns = one.pulse.end_time_ns - one.pulse.start_time_ns
     edge_ns = _EDGE * width_ns
     begin = times.index(one.pulse.start_time_ns + round(edge_ns))

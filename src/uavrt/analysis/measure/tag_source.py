@@ -21,8 +21,7 @@ class TagSource:
 
     tags: tuple[Tag, ...]
     operating_modes: dict[int, OperatingMode] = field(default_factory=dict)
-    """Detector mode by tag id; tags without an entry use soft lock, which searches the whole
-    window."""
+    """Detector mode by tag id; others use soft lock, which searches the whole window."""
     excluded_hz: tuple[tuple[float, float], ...] = ()
     """Absolute frequency ranges in which no pulse is reported [Hz]."""
     sample_rate_hz: float | None = None
@@ -31,9 +30,7 @@ class TagSource:
     """Centre frequency of the tag's channel [Hz], if the file states it."""
 
     def within(self, sample_rate_hz: float, center_frequency_hz: float) -> "TagSource":
-        """Return a copy with only the tags inside a recording's band, or with all tags if none
-        is inside.
-        """
+        """Copy with the tags inside a recording's band; all tags if none is inside."""
         reach_hz = widest_half_span_hz(sample_rate_hz)
         inside = tuple(
             tag for tag in self.tags if abs(tag.frequency_hz - center_frequency_hz) <= reach_hz
@@ -42,9 +39,7 @@ class TagSource:
 
 
 def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
-    """Read tags and settings from TagInfo.txt, tags.toml, or the original UAV-RT's
-    detectorConfig.txt.
-    """
+    """Read tags and settings from TagInfo.txt, tags.toml, or a detectorConfig.txt."""
     if not _is_detector_config(Path(path)):
         return TagSource(tags=read_tags(path))
     config = read_detector_config(path)
@@ -68,9 +63,7 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """True if a file contains the keys of a detectorConfig.txt; False if it does not or cannot
-    be read.
-    """
+    """True if a file has the keys of a detectorConfig.txt; False if not or unreadable."""
     try:
         with path.open("rb") as file:
             return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None

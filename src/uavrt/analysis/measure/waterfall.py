@@ -20,17 +20,14 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Maximum number of points in a level trace (5.8 h of 20 ms pulses); beyond it, neighbouring
-points are joined."""
+"""Most points in a level trace (5.8 h of 20 ms pulses); then neighbours are joined."""
 
 _MOST_OFF: Final = 0.75
 """Time error above which spectra are aligned again with the block times [half pulse widths]."""
 
 
 class MaximumHold:
-    """Running maxima of spectra in a fixed number of equal columns; pairs of columns are joined
-    when all are used.
-    """
+    """Maxima of spectra in a fixed number of columns; pairs are joined when all are full."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self._values = np.zeros((columns, rows), dtype=np.float32)
@@ -57,10 +54,8 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time.
-
-    `pulse_width_s` sets the length of the Hann window to one and a half pulses, so that it
-    covers a whole pulse.
+    """Spectrogram around one tag's frequency, and the strongest level at each time, by Hann
+    windows of one and a half times `pulse_width_s`.
     """
 
     def __init__(
@@ -118,16 +113,12 @@ class Waterfall:
 
     @property
     def power(self) -> NDArray[np.float32]:
-        """Largest power density in each cell, shape (columns, rows); 0 where samples are
-        missing.
-        """
+        """Largest power density in each cell, (columns, rows); 0 where samples are missing."""
         return self._hold.values
 
     @property
     def trace(self) -> NDArray[np.float32]:
-        """Largest power density over all frequencies at each time, shape (points,); 0 where
-        samples are missing.
-        """
+        """Largest power density over frequency at each time, (points,); 0 without samples."""
         return self._trace.values[:, 0]
 
     @property

@@ -31,8 +31,7 @@ _BETWEEN_IN = 0.06
 _LINE = 0.0155
 """Line height of 9-point text, with spacing, as a share of the page's height."""
 _LEAST_SHARE = 0.6
-"""Smallest share of its height to which a picture is reduced before it is moved to the next
-page."""
+"""Smallest share of its height for a picture before it moves to the next page."""
 _WARNING = "#8a5a00"
 
 
@@ -56,9 +55,7 @@ def write_pages(pages: "PdfPages", survey: Survey) -> None:
 
 
 class _Writer:
-    """Writes blocks from top to bottom of a page, and continues on the next page when it is
-    full.
-    """
+    """Writes blocks down a page, and continues on the next page when it is full."""
 
     def __init__(self, pages: "PdfPages", name: str) -> None:
         self._pages, self._name = pages, name
@@ -180,9 +177,7 @@ class _Writer:
             self._top -= lines * _LINE
 
     def _room(self, height: float) -> None:
-        """Start a new page unless at least `height`, as a share of the page, is free on the
-        current one.
-        """
+        """Start a new page unless `height`, as a share of the page, is free."""
         if self._left < height and self._top < _TOP:
             self.end_page()
             self._begin_page()
@@ -223,9 +218,7 @@ def _rule(height: float) -> "Artist":
 
 
 def _part(figure: "Figure", bottom: float, height: float) -> "FigureBase":
-    """Return a subfigure between the side margins; `bottom` and `height` are shares of the
-    page.
-    """
+    """Subfigure between the side margins; `bottom` and `height` are shares of the page."""
     grid = figure.add_gridspec(
         3,
         3,

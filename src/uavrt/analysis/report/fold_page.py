@@ -1,8 +1,6 @@
-"""Draw flights folded at a tag's pulse interval, so that a detection can be checked by eye.
-
-Phase is shown to the right and time downwards, as for pulsars: a tag appears as a vertical line
-in the noise. The profile above is the sum of all rows, in which each pulse is weighted as in
-the search.
+"""Draw flights folded at a tag's pulse interval, so that a detection can be checked by eye:
+phase to the right, time downwards, a tag as a vertical line, and above the weighted sum of all
+rows.
 """
 
 from typing import TYPE_CHECKING
@@ -26,9 +24,7 @@ _LOWEST, _HIGHEST = -2.0, 6.0
 
 
 def draw_fold(target: "FigureBase", fold: "FlightFold", color: str) -> None:
-    """Draw the summed profile of a flight, and below it the signal folded at the pulse
-    interval.
-    """
+    """Draw the summed profile of a flight, and the signal folded at the interval."""
     above, below = target.subplots(2, 1, sharex=True, height_ratios=(1, 2.6))
     half_ms = 500.0 * fold.interval_s
     profile = np.array(fold.profile)

@@ -1,5 +1,4 @@
-"""Draw the results of a detection run for each tag: waterfall with pulses, folded pulses, SNR
-over time.
+"""Draw a detection run for each tag: waterfall with pulses, folded pulses, SNR.
 
 Matplotlib, from the extra ``uavrt[analysis]``, is used without pyplot and without a display.
 The colours are those of Okabe and Ito (2008), which people with any kind of colour vision can
@@ -34,11 +33,9 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Maximum number of pulses that are circled in a waterfall; more circles would hide the
-picture."""
+"""Most pulses circled in a waterfall; more circles would hide the picture."""
 TICKED: Final = 400
-"""Maximum number of pulses that are marked by single ticks above a waterfall; more ticks would
-touch."""
+"""Most pulses marked by ticks above a waterfall; more ticks would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
@@ -62,9 +59,7 @@ class DetectionPlots:
         self._pulses: dict[int, list[Pulse]] = {tag.tag_id: [] for tag in tags}
 
     def add_block(self, block: ChannelBlock) -> None:
-        """Add a block of a channel; each tag is plotted from the channel whose centre is
-        nearest to it.
-        """
+        """Add a channel's block; each tag is plotted from the channel nearest to it."""
         for tag in self._tags:
             offset_hz = tag.frequency_hz - block.center_frequency_hz
             known = self._waterfalls.get(tag.tag_id)
@@ -157,9 +152,7 @@ def draw_waterfall(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "
 
 
 def _draw_counts(axes: "Axes", pulses: Sequence[Pulse], begin: float, end: float) -> None:
-    """Draw a histogram of pulses in 200 time spans, which replaces ticks if they would
-    touch.
-    """
+    """Histogram of pulses in 200 time spans, in place of ticks that would touch."""
     groups = [[p for p in pulses if p.detection_status == status] for status in STYLES]
     axes.hist(
         [[_date(pulse.start_time_ns) for pulse in group] for group in groups],
@@ -199,9 +192,7 @@ def draw_snr(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure
 
 
 def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figure":
-    """Draw levels and pulses folded at the pulse interval, in one row of pictures for each
-    interval.
-    """
+    """Draw levels and pulses folded at the interval, a row of pictures per interval."""
     rates = sorted({pulse.rate for pulse in pulses}) or [1]
     figure = _figure(5.2 * len(rates))
     grid = figure.subplots(len(rates), 2, width_ratios=(3, 2), sharey="row", squeeze=False)
@@ -231,9 +222,7 @@ def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figur
 
 
 def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s: float) -> None:
-    """Draw the level along each pulse interval as a row; several intervals share a row if there
-    are too many.
-    """
+    """Level along each interval as a row; of too many intervals several share a row."""
     trace, step_s = waterfall.trace, waterfall.trace_s
     at = np.arange(trace.size) * step_s + waterfall.frame_center_s
     phase = (at - first_s) / interval_s + 0.5

@@ -37,9 +37,7 @@ class Cards:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Table with relative column widths. If it has a title `folded`, HTML shows it collapsed
-    under this title.
-    """
+    """Table with relative column widths; HTML shows one with a title `folded` collapsed."""
 
     table: words.Table
     widths: tuple[int, ...]

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TILES_ACROSS = 3.0
-"""Target number of map tiles across a picture; at most four are used in each direction, 1 to 2
-MB."""
+"""Target number of map tiles across a picture, at most four a side: 1 to 2 MB."""
 MOST_SIDE = 1024
 _PALE = 0.5
 """Opacity of the white layer over the background map, which keeps lines readable."""
@@ -28,10 +27,8 @@ _Pixels = NDArray[np.float64]
 
 
 def draw_ground(axes: "Axes", plane: TangentPlane, maps: Sequence[MapFile]) -> None:
-    """Draw the most detailed map that covers the axes, with its attribution.
-
-    The tiles' web Mercator projection is stretched linearly to the metres of the axes. Over 4
-    km the error is a few metres.
+    """Draw the most detailed map that covers the axes, with its attribution; Web Mercator is
+    stretched to metres, with an error of a few metres over 4 km.
     """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     (south, north), (west, east) = plane.to_geodetic([left, right], [low, high])
@@ -76,9 +73,7 @@ def maps_under(survey: Survey) -> list[MapFile]:
 def _picture(
     one: MapFile, area: tuple[float, float, float, float]
 ) -> tuple[_Pixels, tuple[float, float, float, float]] | None:
-    """Combine the map tiles of an area to one picture; return it with its north, west, south
-    and east edge [deg].
-    """
+    """Picture of an area's map tiles, with its north, west, south and east edge [deg]."""
     west, south, east, north = area
     wide = max(east - west, 1e-9) / 360.0
     wanted = math.floor(math.log2(TILES_ACROSS / wide))
@@ -107,9 +102,7 @@ def _picture(
 
 
 def _pixels(content: bytes | None) -> _Pixels | None:
-    """Return red, green and blue of a tile's pixels, 0 to 1; None unless the tile is a square
-    picture.
-    """
+    """Red, green and blue of a tile's pixels, 0 to 1; None unless a square picture."""
     from matplotlib.image import imread
 
     if content is None:

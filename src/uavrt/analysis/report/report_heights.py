@@ -1,6 +1,4 @@
-"""Draw a monopole survey by height: SNR over height, vertical section, and a map of each height
-range.
-"""
+"""Draw a monopole survey by height: SNR, vertical section, maps of height ranges."""
 
 from typing import TYPE_CHECKING
 
@@ -28,9 +26,7 @@ LAYER_CAPTION = (
 
 
 def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
-    """Draw SNR over flight height and, if the flight covers several heights, a vertical
-    section.
-    """
+    """Draw SNR over height and, for several heights, a vertical section."""
     section = signal.section
     if section is None:
         axes = target.subplots()
@@ -54,9 +50,7 @@ def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
 def draw_layers(
     target: "FigureBase", survey: Survey, signal: TagSignal, first: int = 0
 ) -> None:
-    """Draw up to `PER_PAGE` maps of height ranges, starting with number `first`, in one color
-    scale.
-    """
+    """Draw up to `PER_PAGE` height ranges' maps from number `first` in one color scale."""
     layers = signal.layers[first : first + PER_PAGE]
     every = np.concatenate(
         [one.surface.snr_db.ravel() for one in signal.layers if one.surface is not None]

@@ -44,8 +44,7 @@ _LEAST_HALF_M = 120.0
 _NICE = (1, 2, 5)
 _SHADED_SHARES = (0.98, 0.9, 0.75, 0.5, 0.25)
 _LEGEND_IN = 1.6
-"""Width of the texts in a map's legend [in], so that the legend does not cover the north
-arrow."""
+"""Width of the texts in a map's legend [in], which leaves the north arrow free."""
 CAPTION = (
     "Latitude and longitude on WGS84; north is up. Stars: most probable positions, each with "
     "a line that contains the tag with 95 % probability. Lines: bearings; shaded: their 90 % "
@@ -166,9 +165,7 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
 
 
 def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw one tag's map: pulses coloured by SNR, bearings with 90 % sectors, probability and
-    position.
-    """
+    """Draw a tag's pulses by SNR, bearings with 90 % sectors, probability and position."""
     pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
     if not survey.track or not pulses:
         message(target, "No map: this tag was not detected at any known position.")
@@ -289,9 +286,7 @@ def _heat(chart: LocalMap, position: Position) -> None:
 
 
 def _signal(target: "FigureBase", chart: LocalMap, signal: TagSignal) -> None:
-    """Draw a tag's SNR map, the place of its strongest signal, and the circle on which the tag
-    lies.
-    """
+    """Draw a tag's SNR map, its strongest signal, and the circle on which the tag lies."""
     if signal.surface is not None:
         drawn = draw_surface(chart, signal.surface)
         target.colorbar(drawn, ax=chart.axes, label="SNR [dB]", shrink=0.6)
@@ -319,9 +314,7 @@ def draw_surface(
 
 
 def draw_strongest(chart: LocalMap, loudest: StrongestSignal) -> None:
-    """Mark the place of the strongest signal, and draw the circle around it on which the tag
-    lies.
-    """
+    """Mark the strongest signal, and the circle around it on which the tag lies."""
     x, y = chart.line([point_of(loudest)])
     label = "\n".join(wrapped(STRONGEST, _LEGEND_IN, size=7.5))
     chart.axes.plot(x, y, "P", color="white", mec=INK, ms=9, zorder=5, label=label)
@@ -337,9 +330,7 @@ _MOST_LABELS = 4
 
 
 def nice_below(value: float) -> float:
-    """Largest number of the form 1, 2 or 5 times a power of ten that does not exceed a
-    value.
-    """
+    """Largest number 1, 2 or 5 times a power of ten that does not exceed a value."""
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in _NICE if step * power <= value * (1 + 1e-9))
 

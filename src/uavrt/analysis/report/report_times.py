@@ -19,9 +19,7 @@ NOISE_CAPTION = "Noise density at each tag's frequency, over the square of full 
 
 
 def draw_times(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw a tag's SNR and the vehicle's heading over time; turns that gave a bearing are
-    shaded.
-    """
+    """Draw a tag's SNR and the heading over time; turns with a bearing are shaded."""
     heard, later = survey.pulses_of(tag_id), survey.integrated_of(tag_id)
     if not heard and not later and not survey.track:
         message(target, "No pulses and no poses: nothing to draw over time.")

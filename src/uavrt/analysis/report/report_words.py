@@ -98,9 +98,7 @@ def heading_line(survey: Survey) -> str:
 
 
 def findings(survey: Survey) -> list[Finding]:
-    """Position of each tag in words, in order of tag ids, with the results of whole-flight
-    analysis.
-    """
+    """Position of each tag in words, by tag id, with results of whole-flight analysis."""
     return [_finding(survey, tag_id) for tag_id in survey.tag_ids]
 
 
@@ -150,9 +148,7 @@ def code_table(survey: Survey) -> Table | None:
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
-    """Table row of a coded tag: listed gaps, medians of the received gaps, and number of
-    bursts.
-    """
+    """Row of a coded tag: listed gaps, medians of received gaps, number of bursts."""
     heard = [
         np.diff(one.burst_starts_ns) / 1e6
         for one in bursts
@@ -295,9 +291,7 @@ def _with_position(survey: Survey, tag_id: int, position: Position) -> FactTable
 
 
 def _from_start(survey: Survey, position: Position) -> list[str]:
-    """Distance and direction of a tag from the start of the track, for a person who walks to
-    it.
-    """
+    """Distance and direction of a tag from the track's start, to walk there."""
     if not survey.track:
         return []
     start = survey.track[0]
@@ -344,9 +338,7 @@ def _without_position(survey: Survey, tag_id: int) -> FactTable:
 
 
 def _undetected(reports: Sequence[SearchReport]) -> FactTable:
-    """Table rows for a tag that was not detected: duration of the search and weakest detectable
-    pulses.
-    """
+    """Rows for an undetected tag: duration of the search, weakest detectable pulses."""
     if not reports:
         return FactTable(rows=(("Detected", ["no"]),))
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND

@@ -1,6 +1,4 @@
-"""Draw SNR over the antenna's heading in polar plots, with the antenna pattern and the
-residuals.
-"""
+"""Polar plots of SNR over the antenna's heading, with its pattern and residuals."""
 
 from typing import TYPE_CHECKING
 
@@ -40,9 +38,7 @@ def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Flo
 
 
 def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0) -> None:
-    """Draw polar plots and residuals of up to `COLUMNS` bearings, starting with number
-    `first`.
-    """
+    """Draw plots and residuals of up to `COLUMNS` bearings from number `first`."""
     bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
         message(target, "No polar plot: no turn in place has three pulses of this tag.")

@@ -39,9 +39,7 @@ class FlownSearch:
 
     @property
     def last(self) -> SearchNote:
-        """Log entry for the end of the search, or the last entry if the recording ends
-        earlier.
-        """
+        """Log entry of the search's end, or the last one if the recording ends earlier."""
         return self.notes[-1]
 
     @property
@@ -64,9 +62,7 @@ def searches_of(survey: Survey) -> Iterator[FlownSearch]:
 
 
 def summary(survey: Survey, search: FlownSearch) -> FactTable:
-    """Table that states a search's task, its end, the number of tags found, and where the other
-    tags may be.
-    """
+    """Table of a search's task and end, tags found, and where the others may be."""
     begun, last, clock = search.begun, search.last, survey.facts.clock_in_words
     minutes = last.elapsed_s / 60.0
     found = len(last.tags) - len(search.unknown)

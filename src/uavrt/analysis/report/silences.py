@@ -1,6 +1,4 @@
-"""Draw coverage maps, from dark blue (a tag there is not detectable) to yellow (it is certainly
-detected).
-"""
+"""Draw coverage maps, from dark blue (not detectable) to yellow (detected)."""
 
 import io
 from collections.abc import Sequence
@@ -28,9 +26,7 @@ CAPTION = (
 
 
 def summary(one: SilentMap) -> FactTable:
-    """Table that summarises a coverage map: result, assumed tag power, detection probability
-    and limits.
-    """
+    """Table of a coverage map: result, tag power, detection probability, limits."""
     found = one.coverage
     if one.heard_pulses:
         result = f"detected ({counted(one.heard_pulses, 'confirmed pulse')})"
@@ -64,9 +60,7 @@ def draw_silence(target: "FigureBase", survey: Survey, one: SilentMap) -> None:
 
 
 def coverage_png(coverage: Coverage, path: Sequence[tuple[float, float]]) -> bytes:
-    """Draw a coverage map as in the report, with `path` (longitude, latitude); return it as
-    PNG.
-    """
+    """Coverage map as in the report, with `path` (longitude, latitude), as PNG."""
     empty = Survey(name="", kind="flight", antenna="", pulse_poses=(), track=())
     with styled():
         figure = new_figure(7.5, 6.5)

@@ -1,6 +1,5 @@
-"""Style of the report's figures. This is the only module that loads matplotlib.
-
-Figures are created without pyplot's global state, so reports can be created in threads.
+"""Style of the report's figures. This is the only module that loads matplotlib, without
+pyplot's global state, so that threads can create reports.
 """
 
 import base64
@@ -46,9 +45,7 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Context manager that applies the figures' style. Raises `UsageError` without
-    matplotlib.
-    """
+    """Context manager with the figures' style. `UsageError` without matplotlib."""
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl
     settings: Any = _SETTINGS  # the stubs want each key as a literal
@@ -103,9 +100,7 @@ def _width_in(text: str, size: float, bold: bool) -> float:
 
 
 def outlined() -> Any:
-    """Return a path effect that outlines text and lines in white, so that they are visible on
-    colors.
-    """
+    """Effect that outlines text and lines in white, to be visible on colors."""
     from matplotlib.patheffects import withStroke
 
     return withStroke(linewidth=2.5, foreground="white")

@@ -1,5 +1,4 @@
-"""Give pulses the poses from another program's log, and estimate the offset between the two
-clocks.
+"""Give pulses poses from another program's log, and estimate the clocks' offset.
 
 An offset is rejected if another one at least 5 s away fits nearly as well (misfit within 15 %).
 It is also rejected if its standard deviation (by a jackknife over eighths of the flight)
@@ -33,16 +32,13 @@ SEARCH_S = 120.0
 STEP_S = 1.0
 FINE_S = 0.05
 CLEAR = 1.15
-"""Minimum ratio of the misfit at clock offsets 5 s away to the misfit at the best clock
-offset."""
+"""Minimum ratio of the misfit 5 s away to that at the best clock offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""Largest accepted heading error from an uncertain clock offset [deg]; the error of a bearing
-from one turn is a few degrees."""
+"""Largest heading error by the clock offset [deg]; a turn's bearing errs by degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses that a track must cover; a smaller share suggests the track of
-another flight."""
+"""Minimum share of pulses in a track; less suggests the track of another flight."""
 _MOST_LOST = 0.2
 """Largest share of the pulses that could be covered which an offset may leave without a pose.
 
@@ -56,28 +52,23 @@ _ROUND_CELL, _ROUND_CELL_M = 0.4, 30.0
 distance from the flight's middle, plus a constant [m]."""
 _ZOOM = 0.4
 _FINE_PLACE_M = 2.0
-"""Half-width of the 9 × 9 grid of tag positions at which the refinement of the grid ends
-[m]."""
+"""Half-width of the 9 × 9 grid of tag positions at which refinement ends [m]."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """Offset of the pulses' clock from the track's clock, positive if the pulses' clock is
-    ahead, with its uncertainty.
-    """
+    """Offset of the pulses' clock from the track's (positive: ahead), with uncertainty."""
 
     offset_s: float
     found_by: str
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
     or their SNR (``"powers"``)."""
     sigma_s: float | None = None
-    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None if
-    the offset was given."""
+    """Standard deviation by a jackknife over eighths of the flight [s]; None if given."""
     heading_sigma_deg: float | None = None
-    """Heading error that the uncertainty of the clock offset causes at the flown turn rate
-    [deg]."""
+    """Heading error from the clock offset's uncertainty at the flown turn rate [deg]."""
 
 
 def attach_poses(
@@ -112,9 +103,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Return the number of pulses with a pose. Raises `UsageError` if fewer than a quarter have
-    one.
-    """
+    """Number of pulses with a pose. `UsageError` if fewer than a quarter have one."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -191,8 +180,7 @@ def estimate_offset(
 def _sigma_s(
     misfit: Callable[..., float], offsets_s: _Floats, covered: NDArray[np.bool_]
 ) -> float:
-    """Standard deviation of the best offset, by a jackknife over consecutive eighths of the
-    flight [s].
+    """Standard deviation of the best offset by a jackknife over the flight's eighths [s].
 
     Errors of neighbouring pulses are correlated, so whole time spans are omitted (Künsch 1989,
     The jackknife and the bootstrap for general stationary observations).
@@ -219,10 +207,7 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Sum of squared SNR residuals for a tag at each place [dB²], shape (places,).
-
-        The model is antenna pattern and distance; the level is fitted.
-        """
+        """Sum of squared SNR residuals at each place [dB²], (places,), the level fitted."""
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))
@@ -234,8 +219,7 @@ class _TagOnTrack:
         return np.asarray(np.minimum(spread**2, 100.0).sum(axis=1))
 
     def least(self, start: tuple[float, float], middle: tuple[float, float]) -> float:
-        """Return the smallest sum of squared residuals near a position [dB²], found on
-        successively finer grids.
+        """Smallest sum of squared residuals near a position [dB²], on ever finer grids.
 
         The first grid is as wide as the cells of the polar grid at the position's distance from
         `middle`.
@@ -298,9 +282,7 @@ class _Common:
         return float(np.median(turning)) if len(turning) else 0.0
 
     def pose_misfit(self, offset_s: float, keep: NDArray[np.bool_] | None = None) -> float:
-        """Mean misfit of the poses at a clock offset: squared errors of heading (in units of
-        10°) and position (5 m).
-        """
+        """Mean misfit at a clock offset: squared errors of heading / 10° and position / 5 m."""
         inside = self._inside(self._posed_s, offset_s)
         if inside is None:
             return np.nan
@@ -320,8 +302,7 @@ class _Common:
     def power_misfit(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> float:
-        """Mean squared SNR residual at a clock offset [dB²], with the best position of each
-        tag.
+        """Mean squared SNR residual at a clock offset [dB²], with each tag's best position.
 
         Power falls with the square of the distance. The candidate positions are a polar grid
         around the path.
@@ -333,8 +314,7 @@ class _Common:
         return total / sum(len(one.snr_db) for one in heard.values())
 
     def sharper_misfit(self, offset_s: float, antenna: str) -> Callable[..., float]:
-        """Return a function like `power_misfit` for nearby offsets, with tag positions accurate
-        to a metre.
+        """Function like `power_misfit` for nearby offsets, with tags placed to a metre.
 
         The cells of the polar grid are tens of metres wide, but the bearing of a turn is more
         accurate. Without this step, the best offset would be the one that rotates all bearings
@@ -360,9 +340,7 @@ class _Common:
     def _heard(
         self, offset_s: float, antenna: str, keep: NDArray[np.bool_] | None = None
     ) -> "dict[int, _TagOnTrack] | None":
-        """Return the pulses of each tag with poses from the track, by tag id; None if the track
-        covers too few.
-        """
+        """Pulses of each tag with poses of the track; None if it covers too few."""
         inside = self._inside(self.time_s, offset_s)
         if inside is None:
             return None
@@ -383,8 +361,7 @@ class _Common:
         return found
 
     def require_cover(self, offsets_s: _Floats, *, posed: bool) -> None:
-        """Exclude clock offsets at which the track covers fewer than 80 % of the pulses covered
-        at the best offset.
+        """Exclude offsets at which the track covers less than 80 % of the best one's pulses.
 
         Raises `UsageError` if even the best offset covers too few pulses for an estimate.
         """
@@ -402,9 +379,7 @@ class _Common:
         self._least_covered = math.ceil((1.0 - _MOST_LOST) * most)
 
     def _no_overlap(self, times_s: _Floats, remedy: str) -> UsageError:
-        """Return the error for logs that do not overlap in time; it suggests a time zone if one
-        would explain this.
-        """
+        """Error for logs that do not overlap; names a time zone that would explain it."""
         ahead_s = float(times_s.min()) - max(self._turn_s[0], self._place_s[0])
         zones_s = _ZONES_S * round(ahead_s / _ZONES_S)
         if abs(zones_s) <= _MOST_ZONES_S and self._between(times_s, zones_s).any():

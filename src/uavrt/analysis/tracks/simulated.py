@@ -1,5 +1,4 @@
-"""Read the true poses of a simulated vehicle from ``telemetry.csv``, which ``uavrt simulate``
-writes.
+"""Read a simulated vehicle's true poses from ``uavrt simulate``'s ``telemetry.csv``.
 
 Columns are ``time_ns, latitude_deg, longitude_deg, altitude_amsl_m, altitude_relative_m, qw,
 qx, qy, qz``. Other programs may write such files too.

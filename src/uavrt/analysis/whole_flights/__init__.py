@@ -1,3 +1,1 @@
-"""Search whole flights for tags in their recorded samples, and describe the results in
-words.
-"""
+"""Search whole flights' recorded samples for tags, and describe the results."""

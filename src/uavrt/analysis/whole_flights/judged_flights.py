@@ -1,5 +1,4 @@
-"""Search whole flights for tags that are too weak for single groups of pulses, as in ``uavrt
-integrate``.
+"""Search whole flights for tags too weak for groups of pulses, as ``uavrt integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of the flight. Each tag is
 found or not found, at a given probability of a false alarm in the flight. For a tag that is
@@ -44,8 +43,7 @@ LEAST_PART = 0.05
 """Probability from which one of several possible tag positions is listed."""
 _POLL_S = 0.5
 _MOST_CHANNELS = 8
-"""Maximum number of recorded channels in memory at a time; ten minutes of one channel take 36
-MB."""
+"""Most recorded channels in memory at a time; ten minutes of one take 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
@@ -79,18 +77,14 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Pulse train that may be this tag's, for example at 3/2 of its interval; None if the
-        tag was found or no train fits.
-        """
+        """Train that may be this tag's, as at 3/2 of its interval; None if found, or none."""
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """Start times of the train's pulses [ns, UTC], shape (n,), accurate to the jitter and
-        the time slot.
-        """
+        """Start times of the train's pulses [ns, UTC], (n,), to the jitter and time slot."""
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
@@ -104,14 +98,11 @@ class WholeFlightOptions:
     """Half-width of the search around each tag's nominal frequency [Hz]."""
     false_alarm_probability: float = WHOLE_FLIGHT_FALSE_ALARM
     most_drift: float = 0.0
-    """Largest relative change of the pulse interval over the flight that is searched, up or
-    down."""
+    """Largest searched relative change of the interval over the flight, up or down."""
     antenna_assumed: bool = False
-    """True if the flight's antenna is unknown and `pattern` is only assumed; results state
-    this."""
+    """True if the antenna is unknown and `pattern` assumed; results state this."""
     elevation: Elevation | None = None
-    """Terrain heights, from which the loss of pulses behind hills is computed; None for level
-    ground."""
+    """Terrain heights, for the loss of pulses behind hills; None for level ground."""
     on_progress: Callable[[int, int | None], None] | None = None
     """Function called with the number of samples read so far, and their total."""
     on_tag: Callable[[int], None] | None = None
@@ -193,9 +184,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Return the half-width that can be searched around a tag [Hz], and a sentence if it is
-    less than requested.
-    """
+    """Half-width to search around a tag [Hz]; a sentence if less than requested."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -275,9 +264,7 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Sentence stating that the antenna was only assumed; empty if the flight or the user
-    specified it.
-    """
+    """Sentence that the antenna was assumed; empty if flight or user specified it."""
     if not searched.antenna_assumed:
         return ()
     return (
@@ -306,10 +293,8 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording, and return the samples of the front end's channels by channel number.
-
-    With `on_fault`, a damaged recording is used up to the fault, and `on_fault` is called with
-    its description.
+    """Read a recording, and return the samples of the front end's channels by number. With
+    `on_fault`, it gets the fault of a damaged one, used up to there.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use
@@ -348,9 +333,7 @@ def hills_under(flight: Flight, elevation: Elevation | None) -> HillLosses | Non
 
 
 def chance_in_words(probability: float, flights: int = 1) -> str:
-    """Return a sentence on how often noise alone would give such a result, in one flight or
-    several.
-    """
+    """Sentence on how often noise alone gives such a result, in one flight or several."""
     what = "flights" if flights == 1 else f"groups of {flights} flights"
     if probability >= 0.01:
         # 1.4 of 100 is not found at a limit of 1: rounded it would pass for found.

@@ -42,9 +42,7 @@ class KeptChannel:
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Return the recorded channels of a flight, in order of frequency; `on_fault` is called
-    with faults of files.
-    """
+    """Recorded channels of a flight by frequency; `on_fault` gets faults of files."""
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -71,9 +69,7 @@ def kept_channels(
 
 
 def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
-    """Return the recorded channel whose centre is nearest to a tag's frequency; None if no
-    channel contains it.
-    """
+    """Recorded channel nearest to a tag's frequency; None if no channel contains it."""
     holding = [one for one in channels if one.holds(tag)]
     return min(
         holding, key=lambda one: abs(tag.frequency_hz - one.center_frequency_hz), default=None
@@ -83,10 +79,8 @@ def channel_of(channels: Iterable[KeptChannel], tag: Tag) -> KeptChannel | None:
 def integrate_kept(
     flight: Flight, tags: Sequence[Tag], how: WholeFlightOptions
 ) -> list[IntegratedTag]:
-    """Search a whole flight for each tag, in the radio channels that it recorded.
-
-    Missing samples between files are treated as gaps; unreadable files are listed as
-    limitations.
+    """Search a whole flight for each tag, in the channels that it recorded. Missing samples
+    between files are gaps; unreadable files are listed as limitations.
     """
     unread: list[str] = []
     channels = kept_channels(Path(flight.info.directory), unread.append)
@@ -133,7 +127,5 @@ def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Return a progress callback that adds `before`, the number of tags finished in earlier
-    channels.
-    """
+    """Progress callback that adds `before`, the tags finished in earlier channels."""
     return None if on_tag is None else lambda done: on_tag(before + done)

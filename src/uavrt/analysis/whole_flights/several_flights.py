@@ -1,7 +1,5 @@
-"""Search several flights for one tag together, as in ``uavrt integrate``.
-
-Half of the false-alarm probability is used for all flights together. The other half is divided
-equally among the single flights. A resting tag has one position in all flights.
+"""Search several flights for one tag together, as in ``uavrt integrate``: with half of the
+false-alarm probability; the other half is divided among the single flights.
 """
 
 import math
@@ -40,8 +38,7 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight from the middle of all flights at which a common position is
-estimated [m]."""
+"""Largest distance of a flight from the middle of all for a common position [m]."""
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9
@@ -54,18 +51,15 @@ class TagOfFlights:
 
     tag: Tag
     false_alarm_probability: float
-    """Probability that noise alone gives such a result, in all flights together or in any
-    single flight."""
+    """Probability that noise alone gives such a result, together or in any flight."""
     found: bool
     together: bool
-    """True if the tag is found in all flights together; False if only single flights show
-    it."""
+    """True if all flights together show the tag; False if only single flights do."""
     names: tuple[str, ...]
     alone: tuple[float, ...]
     """False-alarm probability of each flight's separate result, in the order of the flights."""
     place: PlaceBelief | None
-    """Position of the tag from all flights; None if it was not found or moved between
-    flights."""
+    """Position from all flights; None if not found or moved between flights."""
     flights: tuple[IntegratedTag, ...]
     """Result of each flight, in order, with the tag's pulses in it and the common position."""
 
@@ -76,9 +70,7 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Return the tags that all flights list, or `listed` if given. Raises `UsageError` if there
-    is none or entries differ.
-    """
+    """Tags that all flights list, or `listed`; `UsageError` for none or unequal entries."""
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -173,9 +165,7 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Return the pulse train in this flight, found in it alone or, if not, in all flights
-        together.
-        """
+        """Train in this flight, found in it alone or, if not, in all together."""
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -195,10 +185,8 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Return the result of this flight for a tag that is found in all flights together.
-
-        The flight counts as showing the tag if its pulse train is the tag's with a probability
-        of 0.9 or more.
+        """Return the result of this flight for a tag that is found in all flights together; it
+        shows the tag if its train is the tag's with a probability of 0.9.
         """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
@@ -258,9 +246,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Return candidate positions of the tag for each flight, around the middle of all
-    flights.
-    """
+    """Candidate positions for each flight, around the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

@@ -49,9 +49,7 @@ def where_in_words(
     parts: Sequence[IntegratedPart],
     flown: str = "the flight",
 ) -> list[str]:
-    """Return sentences on a tag's position: one position, several possible ones, or a
-    direction.
-    """
+    """Sentences on a tag's position: one, several possible ones, or a direction."""
     if len(parts) > 1:
         return [
             f"in one of {len(parts)} places that all fit {flown}:",

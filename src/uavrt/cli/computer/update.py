@@ -160,10 +160,8 @@ def _watch(
 
 
 class _Reading:
-    """Reads the status records of one version of the service; reconnects after a restart.
-
-    Reports of other versions are ignored, because the old version still runs after a failed
-    restart.
+    """Reads the status records of one version of the service, and reconnects after a restart;
+    other versions' reports are ignored, as the old one runs on after a failed restart.
     """
 
     def __init__(self, path: Path, version: Path) -> None:

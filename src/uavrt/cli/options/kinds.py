@@ -1,7 +1,5 @@
-"""Types of command-line options, with their limits.
-
-Every number on the command line has one of these types. "Not a number" and infinity would pass
-the comparisons of most validators, and fail far from the command line.
+"""Types of command-line options, with their limits: "not a number" and infinity would pass most
+validators, and fail far from the command line.
 """
 
 import math
@@ -62,8 +60,7 @@ Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """Type of an option for a whole number of at least 0."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Type of an option for a clock difference [s], at most 1e9, because an unset clock begins in
-1970."""
+"""Type of an option for a clock difference [s]; an unset clock begins in 1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]
@@ -73,8 +70,7 @@ PulseWidth = Annotated[float, Parameter(validator=Between(least=1e-3, most=1, un
 """Type of an option for a pulse width [s], with the limits of tag files; a value typed in
 milliseconds is rejected."""
 Interval = Annotated[float, Parameter(validator=Between(above=0, most=60, unit="s"))]
-"""Type of an option for the interval between a tag's pulses [s], with the limits of tag
-files."""
+"""Type of an option for the interval between a tag's pulses [s], as limited in tag files."""
 HertzOrZero = Annotated[float, Parameter(validator=Between(least=0, unit="Hz"))]
 """Type of an option for a carrier frequency [Hz]; 0 for samples with an unknown carrier."""
 Degrees = Annotated[float, Parameter(validator=Between(least=-360, most=360, unit="degrees"))]
@@ -94,6 +90,5 @@ NoiseFigure = Annotated[float, Parameter(validator=Between(least=0, most=60, uni
 """Type of an option for the receiver's noise above the thermal noise [dB]; zero is allowed."""
 MetresOfError = Annotated[float, Parameter(validator=Between(least=0, unit="m"))]
 TagIds = tuple[Annotated[int, Parameter(validator=Between(least=1, most=0xFFFF_FFFF))], ...]
-"""Type of an option for tag ids; an id must fit into the four bytes that the radio protocol has
-for it."""
+"""Type of an option for tag ids, which have four bytes in the radio protocol."""
 Share = Annotated[float, Parameter(validator=Between(least=0, most=1))]

@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from uavrt.cli.prediction.coverage_records import CoverageOptions, MappedTag
 from uavrt.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from uavrt.cli.prediction.coverage_of_tags import MappedTag
     from uavrt.core.messages import Tag
 
 _HEIGHT_M, _SPEED_M_S, _SPACING_M = 60.0, 8.0, 200.0
@@ -123,8 +123,11 @@ def coverage(
     as_json
         Print a list of objects.
     """
-    from uavrt.cli.prediction.coverage_of_flight import maps_of_flight
-    from uavrt.cli.prediction.coverage_of_plan import maps_of_plan
+    from uavrt.cli.prediction.coverage_of_tags import (
+        CoverageOptions,
+        maps_of_flight,
+        maps_of_plan,
+    )
     from uavrt.cli.shown.outputs import make_directory, print_json
 
     if not height:
@@ -252,7 +255,7 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
-def _record(one: MappedTag) -> dict[str, Any]:
+def _record(one: "MappedTag") -> dict[str, Any]:
     ground, silence = one.coverage.ground, one.absence
     return {
         "tag_id": one.tag.tag_id,
@@ -278,7 +281,7 @@ def _record(one: MappedTag) -> dict[str, Any]:
     }
 
 
-def _print(found: list[MappedTag]) -> None:
+def _print(found: "list[MappedTag]") -> None:
     from uavrt.analysis.covered.silence import around_in_words
 
     for one in found:

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 WIDE = 10_000
 _ROWS = 10_000
-"""Number of rows of an archive that are converted at once, within some hundredths of a
-second."""
+"""Number of an archive's rows that are converted at once, in some hundredths of a second."""
 _PLACES = ("latitude_deg", "longitude_deg")
 
 archive = App(

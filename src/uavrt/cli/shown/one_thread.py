@@ -1,7 +1,4 @@
-"""Limit numpy's linear algebra to one thread, and select its vector instructions.
-
-Must be imported before numpy.
-"""
+"""Limit numpy to one thread and choose its instructions; import this before numpy."""
 
 import os
 

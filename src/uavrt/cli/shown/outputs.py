@@ -47,10 +47,7 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 
 
 def make_directory(path: Path, option: str) -> None:
-    """Create an output directory before the work starts.
-
-    Raises `ConfigError` with the name of the `option` if that fails.
-    """
+    """Create an output directory before the work; `ConfigError` names the `option`."""
     with os_errors_as(
         ConfigError, f"{path} cannot be made", f"Choose a writable directory for {option}"
     ):

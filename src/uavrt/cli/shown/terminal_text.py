@@ -17,10 +17,7 @@ def harmless(text: str) -> str:
 
 
 class TerminalText:
-    """Wraps the terminal `stream` so that it prints only harmless text.
-
-    All other methods are those of the stream.
-    """
+    """Wraps the terminal `stream`, whose methods it has, so that it prints harmless text."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

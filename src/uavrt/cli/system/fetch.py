@@ -118,10 +118,7 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """List the files of a flight, small files first, except the kinds of samples in `left`.
-
-    An empty flight name selects the newest flight.
-    """
+    """Files of a flight (empty: newest), small ones first, without the samples in `left`."""
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)

@@ -32,8 +32,7 @@ LAST_THREADS_S = 1.5
 """Longest wait for worker threads after everything else has ended [s]."""
 PASSWORD = "UAVRT_GROUND_PASSWORD"
 ACCESS_POINT = "UAVRT_ACCESS_POINT"
-"""Environment variable with the text of the QR code by which a phone joins this computer's
-Wi-Fi."""
+"""Environment variable with the text of the QR code by which phones join our Wi-Fi."""
 
 Flag = Annotated[bool, Parameter(negative="")]
 

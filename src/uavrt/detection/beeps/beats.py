@@ -1,11 +1,9 @@
 """Find the intervals in a set of pulse times, and the pulses sent at each interval.
 
-The time between any two pulses counts as a vote for that interval. A tag with interval T causes
-votes at T, 2 T, 3 T …; the first strong one is its interval. A chain of pulses at one interval
-may also contain pulses that were sent at the tag's other interval, because steps of 1333 ms
-meet every second pulse of a 2000 ms interval. Such a chain is cut where the interval changes.
-Explained pulses are removed. The remaining pulses may contain another chain: the tag's second
-rate, or another tag.
+The time between any two pulses is a vote for that interval. A tag with interval T causes votes
+at T, 2 T, 3 T …; the first strong one is its interval. Steps of 1333 ms also meet every second
+pulse of a 2000 ms interval, so a chain of pulses is cut where the interval changes. The pulses
+that it does not explain may form another chain.
 """
 
 from collections.abc import Iterable
@@ -93,11 +91,7 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove end pulses of a chain after a gap that contains other pulses.
-
-    Such end pulses were sent at another rate: if the first pulse after a change of rate is
-    lost, the chain meets a later one by chance.
-    """
+    """Remove a chain's end pulses after a gap with other pulses, sent at another rate."""
     low, high = 0, members.size
 
     def strays(k: int) -> bool:
@@ -137,10 +131,7 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Number of pulses at an interval, minus half the number of missing pulses.
-
-    Without this deduction, half of the true interval would score as much.
-    """
+    """Pulses at an interval minus half the missing ones, so that half of it scores less."""
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 
@@ -177,9 +168,8 @@ def _candidates(times_s: NDArray[np.float64]) -> list[float]:
 def _chance(beat: Beat, bursts: int, span_s: float) -> float:
     """Expected number of equally good chains of pulses among `bursts` random pulse times.
 
-    The first two pulses of a chain set its interval. Each later expected time has a pulse with
-    the probability density × tolerance. This is multiplied by the number of ways to choose the
-    first two pulses and the missing pulses.
+    Two pulses set the interval; each later time has a pulse with the probability density ×
+    tolerance. This is multiplied by the ways to choose the first two and the missing pulses.
     """
     density = bursts / max(span_s, 1e-9)
     hit = min(1.0, 2.0 * tolerance_s(beat.interval_s) * density)

@@ -1,8 +1,7 @@
 """Search a stream for unlisted senders while the listed tags are being detected.
 
-A tag's crystal may be kilohertz off its label, the list may contain a wrong digit or lack a
-rate, or the animal may belong to another study. The detector then finds nothing, and only this
-search shows the reason.
+A tag's crystal may be kilohertz off its label, the list may be wrong, or the animal may be of
+another study; then only this search shows why the detector finds nothing.
 """
 
 from collections.abc import Sequence
@@ -21,10 +20,8 @@ from uavrt.dsp.block_times import BlockTimes
 
 
 class _Band:
-    """Searches a band of frequencies for senders during a part of each period.
-
-    `turns` [s]: time searched at the start of the stream, time searched in each period, and
-    length of the period.
+    """Searches a band for senders during a part of each period; `turns` [s]: time searched at
+    the start, time searched in each period, length of the period.
     """
 
     def __init__(self, turns: tuple[float, float, float], *, live: bool) -> None:
@@ -75,10 +72,7 @@ class _Band:
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Return the trains of pulses found so far, at absolute frequencies.
-
-        In a live stream only recent pulses are searched.
-        """
+        """Trains of pulses found so far, at absolute frequencies; live, of recent pulses."""
         if self._search is None or not self.received:
             return []
         since_s = max(0.0, self.received / self._rate_hz - LISTENING.recent_s)

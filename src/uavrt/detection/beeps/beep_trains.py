@@ -1,8 +1,7 @@
 """Sort detected pulses (points) into trains; a train consists of the pulses of one sender.
 
-The times between points of one frequency show the intervals (`beats`). A train is refused if
-its pulses do not agree in frequency, because voice and chance form such trains. A train is
-doubtful if most points at its frequency belong to no train.
+A train is refused if its pulses do not agree in frequency, because voice and chance form such
+trains. It is doubtful if most points at its frequency belong to no train.
 """
 
 from collections.abc import Sequence
@@ -33,8 +32,7 @@ class Train:
     """Frequency of a stronger train with simultaneous pulses, whose image this train is [Hz];
     None if it is not an image."""
     together: int = 1
-    """Number of frequencies with simultaneous pulses of equal strength, including that of this
-    train."""
+    """Number of frequencies with simultaneous pulses of equal strength, with this train's."""
 
     def moved(self, center_hz: float) -> "Train":
         """Copy of the train at absolute frequencies."""
@@ -82,10 +80,8 @@ class Searched:
     [Hz]; None if there are no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the pulses at this frequency, with times `times_s`, need no new search.
-
-        New pulses that continue known trains require a search only if they are several times as
-        many as the old pulses. A few pulses outside the known trains require a search at once.
+        """True if the pulses at this frequency, with times `times_s`, need no new search: most
+        continue known trains, and new ones are not yet several times as many as old ones.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -221,10 +217,8 @@ def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.
 
 
 def _scatter_hz(points: Points) -> float:
-    """Scatter of pulse frequencies about a line through them, without outliers [Hz].
-
-    The frequency at which a pulse is found scatters if it changes within the pulse. The mean
-    frequency of its energy does not.
+    """Scatter of pulse frequencies about a line through them, without outliers [Hz]; the mean
+    frequency of a pulse's energy does not scatter if it slides.
     """
     time_s = points.times_s - points.times_s.mean()
     scatters_hz = []

@@ -22,11 +22,7 @@ def longest_chain(times_s: NDArray[np.float64], interval_s: float) -> NDArray[np
 def chain_with_switches(
     times_s: NDArray[np.float64], first_s: float, second_s: float
 ) -> tuple[float, list[tuple[int, NDArray[np.intp]]]]:
-    """Find the best chain of pulses of a tag that switches between two intervals.
-
-    A chain at one interval can continue among pulses sent at another: steps of 1333 ms meet
-    every second pulse of a 2000 ms interval. If both intervals are known, the chain switches
-    between them where this explains more pulses.
+    """Find the best chain of pulses of a tag that switches between two known intervals.
 
     `times_s` (n,): pulse times, ascending. Returns (merit, stretches). `merit`: number of
     pulses minus the cost of missing pulses and switches. `stretches`: the interval (0 or 1) and

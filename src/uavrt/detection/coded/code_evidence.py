@@ -1,8 +1,7 @@
 """Compute the evidence that pulses at the positions of a listed code are a burst of that code.
 
-The pulses of a burst are equally strong. Two alternatives are tested. One is noise. The other
-is an unlisted code: each of its pulses lies at a position of the listed code with a small
-probability, and never do all of them.
+A burst's pulses are equally strong. Alternatives are noise, and an unlisted code, whose pulses
+lie at the listed positions with a small probability and never all.
 """
 
 import math
@@ -23,11 +22,9 @@ class Evidence:
     over_unlisted: NDArray[np.float64]
     """(n,) log-likelihood ratio of the listed code to unlisted codes."""
     alone: NDArray[np.float64]
-    """(n, pulses) log-likelihood ratio of each pulse to noise or to a pulse of another
-    burst."""
+    """(n, pulses) log-likelihood ratio of each pulse to noise or another burst's pulse."""
     own: NDArray[np.bool_]
-    """(n, pulses) True where the pulse of the code itself is received, and not a stronger
-    signal."""
+    """(n, pulses) True where the code's own pulse is received, not a stronger signal."""
 
 
 def required_evidence(foreign_per_hour: float, false_per_hour: float) -> float:
@@ -42,10 +39,7 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Compare the listed code with noise and with unlisted codes.
-
-    `energies` (n, pulses): pulse energies of the n possible bursts.
-    """
+    """Compare the listed code with noise and unlisted codes; `energies` (n, pulses)."""
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
     hit = min(0.1, LIKELIHOOD.least_hit + 4.0 * foreign_per_hour / 3600.0 * LIKELIHOOD.place_s)

@@ -1,8 +1,7 @@
 """Sum several bursts of a code, to detect bursts that are too weak one by one.
 
-A seed is a single burst slightly above the noise. It is stored until the following bursts have
-arrived. Then the largest sums of three bursts, and of K bursts, that include the seed are
-tested.
+A seed, a burst slightly above the noise, is stored until the following bursts have arrived.
+Then the largest sums of three and of K bursts that include it are tested.
 """
 
 import math
@@ -36,16 +35,12 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio of the listed code to an unlisted code that has its interval by
-    chance."""
+    """Log-likelihood ratio of the listed code to an unlisted one of its interval."""
     also_possible: tuple[int, ...] = ()
 
 
 class Waiting:
-    """Weak bursts (seeds) that are stored until their sums can be computed.
-
-    They are grouped by the time at which this is possible.
-    """
+    """Weak bursts (seeds), grouped by the time at which their sums can be computed."""
 
     def __init__(self) -> None:
         self._boxes: dict[int, list[NDArray[np.int32]]] = {}

@@ -12,10 +12,7 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains.
-
-    `span`: length of the longest burst of a listed code [columns].
-    """
+    """Counts bursts that no listed code explains; `span`: columns of the longest listed."""
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard

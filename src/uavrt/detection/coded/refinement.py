@@ -1,8 +1,7 @@
 """Compute sums of bursts more accurately, from the samples instead of the stored cells.
 
-Cells are 0.27 ms and 125 Hz apart, so a sum of ten bursts between them loses 0.4 dB. Finer
-cells would have to be computed for all codes. Only sums that nearly suffice need this
-refinement.
+Cells are 0.27 ms and 125 Hz apart, which costs 0.4 dB in a sum of ten bursts; only sums that
+nearly suffice are refined.
 """
 
 from dataclasses import dataclass

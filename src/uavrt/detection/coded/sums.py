@@ -1,9 +1,8 @@
 """Add the cells of pulses at the gaps of many codes, to search for all codes of a channel.
 
-A burst is found by the sum of its pulses' energies at the gaps of its code. An error of the
-tag's crystal stretches all gaps by one factor, so a few factors are tried. Sums of several
-bursts are computed around a seed, at multiples of the burst interval. A seed is a burst whose
-own sum is above usual noise; among three bursts there is nearly always one.
+An error of the tag's crystal stretches all gaps by one factor, so a few factors are tried. Sums
+of several bursts are computed around a seed, a burst whose own sum is above usual noise, at
+multiples of the burst interval.
 """
 
 from dataclasses import dataclass

@@ -253,8 +253,7 @@ class _Tested:
     """(anchors, k - 1, intervals) largest power near the expected time of each further pulse of
     the group, within the jitter."""
     totals: NDArray[np.float32]
-    """(anchors, intervals) sums of the powers of a group, each limited to the maximum for one
-    cell."""
+    """(anchors, intervals) sums of a group's powers, each limited to one cell's maximum."""
     best: NDArray[np.float32]
     """(anchors,) largest sum of powers over the intervals, for each anchor [noise powers]."""
 
@@ -262,10 +261,7 @@ class _Tested:
 def search_together(
     searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> list[list[Candidate]]:
-    """Add columns to several searches with equal settings; return each one's candidates.
-
-    The best candidate comes first.
-    """
+    """Add columns to several searches of equal settings; each one's candidates, best first."""
     if kernels() is not None:
         return [
             _search_by_kernel(search, columns, level)

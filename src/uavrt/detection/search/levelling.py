@@ -24,8 +24,7 @@ from uavrt.detection.search.tuning import LEVEL
 SLOT = HOPS_PER_PULSE // 2
 """Number of spectrogram columns in a slot; a slot is the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
-"""Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
-is 1."""
+"""Mean of noise cells limited to `LEVEL.most_power`; without the limit 1."""
 
 
 @dataclass(slots=True)
@@ -35,8 +34,7 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) ratio of each band's noise level to the common level; None if all are
-    equal."""
+    """(bands, slots) ratio of each band's noise to the common level; None if equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +44,7 @@ class _Followed:
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise level to `divisor`; None if all are
-    equal."""
+    """(bands, new slots) ratio of each band's noise to `divisor`; None if equal."""
     measured: NDArray[np.float32]
     """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
@@ -61,8 +58,7 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise level to `common`; None if all are
-    equal."""
+    """(bands, new slots) ratio of each band's noise to `common`; None if equal."""
 
 
 class _LevelRecord:
@@ -266,9 +262,8 @@ class Leveller:
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
     ) -> _Followed:
-        """Noise levels of the present slots, for the search and for measuring pulses.
-
-        A rise among the newest slots may be a strong pulse: only the search counts it as noise.
+        """Noise levels of the present slots, for the search and for measuring pulses; a rise
+        among the newest may be a strong pulse, so only the search counts it.
         """
         if kernels() is not None:
             return self._follow_by_kernel(both, weights, past)
@@ -407,11 +402,7 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last slot averaged for each slot.
-
-    If the levels before and after the slot agree, both sides are averaged; otherwise the side
-    of the higher level.
-    """
+    """First and last slot averaged for each: both sides if they agree, else the higher."""
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -424,10 +415,9 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their noise levels differ; widen the higher side by one band.
-
-    The likeliest split comes first: fitting two means of exponentials instead of one raises the
-    log-likelihood by the sum of cells × ln(mean).
+    """Split the bands where their noise levels differ, the likeliest split first; widen the
+    higher side by one band. Two means of exponentials raise the log-likelihood by the sum of
+    cells × ln(mean).
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))

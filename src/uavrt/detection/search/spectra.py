@@ -1,8 +1,7 @@
 """Compute the spectrograms of several tags at once.
 
-Tags with equal pulse width and search window share the transform, because their narrow bands
-are shifted to put each tag at 0 Hz. If the rows are not symmetric around the tag, as at a
-channel's edge or for the whole channel, each tag has its own transform.
+Tags with equal pulse width and window share the transform at 0 Hz; if the rows are not
+symmetric around the tag, as at a channel's edge, it has its own.
 """
 
 import math

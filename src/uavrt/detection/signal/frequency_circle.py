@@ -1,7 +1,6 @@
 """Compare frequencies of a sampled channel, which are periodic in the sample rate.
 
-A signal beyond one edge of a channel appears at the other edge, and the measured pulses of a
-tag at an edge scatter across it. They are reported at the alias nearest to the frequency of
+Pulses of a tag at a channel's edge scatter across it, and are reported at the alias nearest to
 their track.
 """
 

@@ -140,10 +140,7 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Blank impulses in samples [first, last).
-
-        Impulses are found in whitened samples, so that strong neighbours are not blanked.
-        """
+        """Blank impulses in samples [first, last), found in whitened ones: no neighbours."""
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)

@@ -91,10 +91,8 @@ class Bounds:
         return abs(interval_s - own_s) > most_s + BOUNDS.line_sigmas * error_s
 
     def leaves_open(self, track: Track) -> bool:
-        """True if a long group's interval is uncertain, so that it may be another train's.
-
-        The last pulses of a train that began before the stream may fit an interval that is 2 ms
-        off.
+        """True if a long group's interval is uncertain: the last pulses of a train that began
+        before the stream may fit an interval 2 ms off.
         """
         if self.tag.k <= FOLLOW.most_alone:
             return False

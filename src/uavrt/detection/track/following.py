@@ -58,10 +58,7 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Follow tracks up to sample `upto`, and drop those that have ended.
-
-        `settle` is called after each pulse.
-        """
+        """Follow tracks up to sample `upto`, drop ended ones; `settle` after each pulse."""
         self._tracks = tracks
         self._around = around
         if not tracks:
@@ -76,10 +73,8 @@ class Follower:
         tracks[:] = [t for t in tracks if not t.dead]
 
     def carried(self, tracks: list[Track]) -> tuple[Track, ...]:
-        """Confirmed tracks that continue after a jump of the clock.
-
-        They must be confirmed again. If samples are missing, no pulse fits these tracks, and
-        they end.
+        """Confirmed tracks that continue after a jump of the clock and must be confirmed again;
+        if samples are missing, no pulse fits them, and they end.
         """
         end_s = self.seconds(self._buffer.end)
         kept = tuple(track for track in tracks if track.confirmed and not track.held)

@@ -49,11 +49,7 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the track that is the tag's: the active one nearest to its nominal frequency.
-
-        The strength does not matter. Among tracks of nearly equal frequency, the one that
-        received a pulse last is chosen.
-        """
+        """Find the tag's track: the active one nearest to its frequency, then the newest."""
         alive = [
             t
             for t in tracks
@@ -101,10 +97,7 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance bursts form such tracks more often than the false-alarm rate allows.
-
-        The pulses of a doubtful track are reported only when the track is confirmed.
-        """
+        """True if chance forms such tracks too often for unconfirmed pulses to be reported."""
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

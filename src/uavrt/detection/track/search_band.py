@@ -25,8 +25,7 @@ from uavrt.detection.track.other_signals.other_bursts import Bursts, Known
 from uavrt.detection.track.tuning import BAND
 
 NOISE_STRIDE = SLOT
-"""Step between the columns from which the noise is estimated [columns]; a pulse covers eight
-columns."""
+"""Step between columns for the noise estimate [columns]; a pulse covers eight."""
 
 
 class _LostColumns:
@@ -167,10 +166,7 @@ class SearchBand:
         return results
 
     def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that must be equal for bands to be run in one call of `advance_together`.
-
-        None: the band is searched alone.
-        """
+        """Properties that bands run by one `advance_together` share; None: searched alone."""
         spectrogram = self._spectrogram
         first = spectrogram.needed()
         if first < 0 or not self._noise.ready or self._kind is None:
@@ -247,10 +243,7 @@ class SearchBand:
         return power
 
     def _from_the_start(self, upto: int, *, last: bool) -> Iterator[NDArray[np.float32]]:
-        """Compute all spectrogram columns from stored samples once the noise can be estimated.
-
-        Until then no columns are stored, which saves 0.3 MB.
-        """
+        """Compute all columns once the noise can be estimated; none are stored before."""
         grid, at = self._grid, self._buffer.start
         spectrogram = Spectrogram(grid)
         if at:
@@ -369,10 +362,7 @@ def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> 
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:
-    """Earliest time at which a group can reach a threshold and the noise is needed [s].
-
-    A cell adds at most the limit to a sum, so several pulses are needed to reach the threshold.
-    """
+    """Earliest time at which a sum of limited cells can reach the threshold [s]."""
     soonest_s = min(
         (math.ceil(search.threshold / search.limit) - 1)
         * (interval_s - tag.interval_uncertainty_s)

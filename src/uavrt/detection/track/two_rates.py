@@ -18,10 +18,8 @@ from uavrt.detection.track.tuning import RATES
 
 
 def log_evidence(power: float, strength: float) -> float:
-    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power.
-
-    The ratio is log I0(2 sqrt(strength × power)) - strength, with the asymptotic form of the
-    Bessel function I0.
+    """Log-likelihood ratio of a pulse of ENR `strength` to none, for a cell's power: log I0(2
+    sqrt(strength × power)) - strength, I0 by its asymptotic form.
     """
     argument = 2.0 * math.sqrt(strength * max(power, 0.0))
     if argument < 2.0:
@@ -88,10 +86,8 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses with a rate that depends on the time of the switch.
-
-    The switch is certain, but its time is not: a noise peak where only one rate expects a pulse
-    can make a wrong time likelier.
+    """Mark the pulses whose rate depends on the uncertain time of the switch, which a noise
+    peak where one rate expects a pulse can shift.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -125,21 +121,15 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of pulses of ENR `enr` in all given slots to noise alone.
-
-    The largest of V cells replaces the mean of their likelihoods, so the logarithm of V is
-    subtracted.
-    """
+    """Log-likelihood ratio of pulses of ENR `enr` to noise, by the largest of V cells."""
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30.
-
-    The two strongest of the last four pulses are used, because at the longer interval every
-    second detection is noise.
+    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30; at the
+    longer interval every second detection is noise.
     """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]

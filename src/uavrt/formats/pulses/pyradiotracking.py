@@ -14,13 +14,7 @@ from uavrt.core.messages import Pulse, PulsePose
 from uavrt.core.units import ns_from_s
 from uavrt.formats.pulses.pulse_log import PulseLog, ungrouped_pulse
 from uavrt.formats.pulses.ucsd import tag_numbers
-from uavrt.formats.text import (
-    any_time_ns,
-    cells_of,
-    finite,
-    number_or_nan,
-    parsed_rows,
-)
+from uavrt.formats.text import any_time_ns, cells_of, finite, number_or_nan, parsed_rows
 
 NAMES = ("device", "time", "frequency", "duration", "max", "avg", "std", "noise", "snr")
 _OTHER_NAMES = {"ts": "time", "timestamp": "time", "freq": "frequency"}

@@ -1,8 +1,7 @@
 """Read CSV files of UCSD's Radio Telemetry Tracker, with one ping or one estimate per row.
 
-Timestamps are seconds since 1970, or ISO 8601. The amplitude is in decibels over an unknown
-reference; only differences of amplitude have a meaning, and they equal differences of SNR. A
-target is identified by its frequency, and targets are numbered 1, 2 … in order of frequency.
+Timestamps are seconds since 1970, or ISO 8601; amplitudes are decibels over an unknown
+reference, so only differences count. Targets are numbered in order of frequency.
 """
 
 import math
@@ -22,8 +21,7 @@ PING_COLUMNS = (
 )
 ESTIMATE_COLUMNS = ("run", "timestamp", "frequency", "easting", "northing", "epsg code")
 SAME_TARGET_HZ = 500.0
-"""Maximum difference between frequencies that belong to one target [Hz]; crystals drift by
-less."""
+"""Maximum difference between frequencies of one target [Hz]; crystals drift by less."""
 _REMEDY = "A ping CSV has the columns Run, Timestamp, Frequency, Amplitude, Easting, …"
 
 

@@ -1,8 +1,5 @@
-"""Compute magnetic declination for the few logs that contain magnetic headings.
-
-Most logs contain true headings, because PX4 and ArduPilot add the declination themselves. The
-sentences HDG and HDM of NMEA contain compass headings. The package pygeomag contains the World
-Magnetic Model for 2010 to 2029.
+"""Compute magnetic declination for NMEA's compass headings (HDG, HDM), by the World Magnetic
+Model of the package pygeomag (2010 to 2029); PX4 and ArduPilot log true headings.
 """
 
 from datetime import UTC, datetime
@@ -16,10 +13,8 @@ _DAY_NS = 86_400_000_000_000
 def declination_deg(
     latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, time_ns: int
 ) -> float:
-    """Angle from true to magnetic north [deg], positive to the east, accurate to some 0.01°.
-
-    Declination changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
-    heights to a kilometre and times to a day.
+    """Angle from true to magnetic north [deg], positive to the east, accurate to some 0.01°,
+    for positions rounded to 0.01°, heights to a kilometre and times to a day.
     """
     return _declination_deg(
         round(latitude_deg, 2),

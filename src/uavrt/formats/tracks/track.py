@@ -117,9 +117,7 @@ def headings_of_course(positions: Sequence[PositionSample]) -> list[AttitudeSamp
 
 
 def standing(positions: Sequence[PositionSample]) -> list[AttitudeSample]:
-    """Attitudes for the positions of a receiver that stands at one place: level, and without a
-    meaning as heading; empty if it moved.
-    """
+    """Level attitudes of a receiver at one place, without heading; empty if it moved."""
     places = [(one.latitude_deg, one.longitude_deg) for one in positions]
     return [_level(one.time_ns, 0.0) for one in positions] if are_one_place(places) else []
 

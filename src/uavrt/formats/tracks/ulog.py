@@ -31,8 +31,7 @@ _DEFINING = frozenset(bytes((letter,)) for letter in b"FIMPBQ")
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,9})\d*\])? +\w+;")
 _MOST_DEFINITIONS, _MOST_FIELDS, _MOST_DEPTH = 50_000, 2_000, 4
 _MOST_STEPS = 300_000
-"""Maximum number of damaged bytes, or of pieces of 512 bytes, that are skipped; after that the
-file counts as ended."""
+"""Maximum number of damaged bytes, or 512-byte pieces, skipped before the end is assumed."""
 _ARMED = 2
 _SANE_UNIX_US = 1_400_000_000_000_000
 
@@ -95,11 +94,7 @@ def read_ulog(path: Path) -> VehicleTrack:
 
 
 class _Damaged:
-    """A log file that reports its end after too many damaged bytes.
-
-    Without this limit, pyulog skips unknown data byte by byte, which takes hours for gigabytes
-    of zeros.
-    """
+    """Log file that ends after too many damaged bytes, which pyulog skips one by one."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -123,10 +118,8 @@ class _Damaged:
 
 
 def _check_formats(file: BinaryIO) -> None:
-    """Raise `ValueError` for records with more fields than memory can hold.
-
-    Definitions precede the data: ``F`` is ``name:type field;type[9] field;…``, and a type may
-    be the name of another definition.
+    """Raise `ValueError` for records with more fields than memory can hold. Definitions ``F``
+    (``name:type field;type[9] field;…``) precede the data; a type may be another definition.
     """
     fields: dict[str, list[tuple[str, int]]] = {}
     file.seek(_HEADER_BYTES)

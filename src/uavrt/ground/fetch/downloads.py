@@ -1,9 +1,8 @@
-"""Download flights from the drone for the web page, with progress.
+"""Download flights from the drone for the web page, with progress, over the link that the page
+has already opened (`uavrt.ground.fetch.ftp_client`).
 
-`uavrt.ground.fetch.ftp_client` implements the protocol, as for ``uavrt fetch``; its requests
-use the link that the page has already opened. A downloaded flight is stored as ``NAME_drone``
-next to the flights received here. The drone's and the ground's recording of a flight may have
-the same name, and neither may be overwritten.
+A downloaded flight is stored as ``NAME_drone`` next to the flights received here, which may
+have the same name.
 """
 
 import asyncio

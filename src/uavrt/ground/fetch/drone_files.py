@@ -1,7 +1,5 @@
-"""Connect `uavrt fetch` to the drone over the fastest of several links.
-
-The program acts as a component of the ground's MAVLink system, not as a ground station, so that
-the drone sends it no pulses.
+"""Connect `uavrt fetch` to the drone over the fastest of several links, as a component of the
+ground's system and not as a ground station, so that the drone sends it no pulses.
 """
 
 import asyncio
@@ -106,9 +104,7 @@ class DroneFiles:
             self.link = (later or others)[0]
 
     async def _send_heartbeat(self) -> None:
-        """Send a heartbeat once a second, so that the autopilot routes messages to this
-        program.
-        """
+        """Send a heartbeat once a second, so that the autopilot routes messages to us."""
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._links.send_by_all(message)

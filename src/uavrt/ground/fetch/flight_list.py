@@ -1,7 +1,5 @@
-"""List the flights on the drone in the order in which they were flown.
-
-The drone's clock may start in 1970, so the dates in the names of flights can be wrong. The
-drone therefore records the order in a file (`uavrt.flight.flight_order`).
+"""List the flights on the drone in the order in which they were flown, recorded in a file
+(`uavrt.flight.flight_order`), as the drone's clock may start in 1970.
 """
 
 from pathlib import PurePosixPath
@@ -11,8 +9,7 @@ from uavrt.flight.flight_order import FLIGHT_ORDER, FLIGHT_PREFIX, flown_name, n
 from uavrt.ground.fetch.ftp_client import FileClient, RemoteEntry
 
 MOST_NOTED = 8_000
-"""Number of bytes read from the end of the drone's list of flights: some 250 names, which take
-2 s over a radio."""
+"""Bytes read from the end of the drone's list of flights: some 250 names, 2 s by radio."""
 
 
 async def drone_flights(client: FileClient) -> list[str]:

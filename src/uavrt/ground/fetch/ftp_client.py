@@ -31,8 +31,7 @@ from uavrt.link.mavlink.services.ftp_wire import (
 )
 
 REPLY_NS = ns_from_s(1.5)
-"""Time without a reply after which a file request is repeated [ns]; longer than the delay in
-the queue of a slow radio."""
+"""Time after which an unanswered file request is repeated [ns]; slow radios queue longer."""
 TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
 """Silence after which a burst of file data counts as finished [ns]."""
@@ -45,14 +44,11 @@ LEAST_BYTES, LEAST_ENTRIES = 6000, 30
 """Minimum progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest
 radio reaches three times as much."""
 MOST_REPLIES = 4096
-"""Maximum number of queued replies of the file server; further replies are dropped and counted.
-"""
+"""Most queued replies of the file server; further ones are dropped and counted."""
 CHECKSUM_TRIES = 30
-"""Maximum number of requests for one file's checksum; a drone needs 10 s to compute that of 1
-GB."""
+"""Maximum number of requests for one file's checksum; for 1 GB a drone needs 10 s."""
 MOST_GROWTH_BYTES = 16_000_000
-"""Maximum growth of a file beyond its listed size [bytes], since the drone may still be
-recording it."""
+"""Maximum growth of a file beyond its listed size [bytes], as the drone may still write it."""
 MOST_BYTES = 2_000_000_000
 """Largest flight that is downloaded without its recorded samples [bytes]; ten hours with 100
 tags need a tenth of this size."""
@@ -81,8 +77,7 @@ class RemoteTree:
 
     files: tuple[RemoteEntry, ...]
     left_out: int = 0
-    """Number of files and directories skipped because they are too deep, too many, or have too
-    long a path."""
+    """Number of files and directories skipped: too deep, too many, or paths too long."""
 
 
 class FileClient:
@@ -317,9 +312,7 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Raise `RecordingError` if a flight does not fit on the disk or, without samples, exceeds
-    `MOST_BYTES`.
-    """
+    """Raise `RecordingError` if a flight does not fit on the disk or exceeds `MOST_BYTES`."""
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(
@@ -401,9 +394,7 @@ async def fetch_file(
 
 
 class _Appending:
-    """File to which a thread appends data; data already written survives the end of the
-    program.
-    """
+    """File to which a thread appends; written data survives the end of the program."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

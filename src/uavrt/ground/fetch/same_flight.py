@@ -1,10 +1,9 @@
-"""Decide whether a file from the drone may replace a local one.
+"""Decide by the content whether a file from the drone may replace a local one, as equal names
+are no evidence.
 
-Equal names are no evidence: two simulated flights may begin in the same second, a drone's clock
-may be wrong, and another server may answer. So the content decides. A log only grows, so a new
-one begins with all of the old one. A database keeps its pulses, so the new one has the same
-flight and all pulses of the old one. A recording's description keeps its time spans;
-their times are corrected at most once.
+A log only grows, so a new one begins with all of the old one. A database keeps its pulses, so
+the new one has the same flight and all pulses of the old one. A recording's description keeps
+its time spans; their times are corrected at most once.
 """
 
 import sqlite3
@@ -32,9 +31,7 @@ _LACKING = (
 
 
 def place_for(new: Path, place: Path) -> Path:
-    """Return the path at which to store a new file: `place`, or a new name if another flight's
-    file has that name.
-    """
+    """Path at which to store a new file: `place`, or a new name if another flight has it."""
     if not place.exists() and not place.is_symlink():
         return place
     if place.is_file():
@@ -97,9 +94,7 @@ def same_recording(new: Path, old: Path) -> bool:
 
 
 def _described(path: Path) -> tuple[tuple[Any, ...], list[tuple[Any, Any, int]]]:
-    """Read the kind of a recording, and first sample, frequency and time [ns] of each of its
-    spans.
-    """
+    """Kind of a recording, and first sample, frequency and time [ns] of each of its spans."""
     described = read_json(read_file(path, NOTES), NOTES)
     about = described["global"]
     kind = (about["core:datatype"], about["core:sample_rate"], about.get("core:description"))

@@ -6,8 +6,7 @@ SampleKind = Literal["channels", "band"]
 CHANNELS: SampleKind = "channels"
 """Name of the sample files with recorded channels of single tags, 15 kB/s each."""
 BAND: SampleKind = "band"
-"""Name of the sample files with the full band or a raw capture; at 1.5 MB/s or more, these are
-too large for a radio link."""
+"""Name of sample files with the full band or a raw capture, too large for a radio link."""
 
 
 def sample_part(path: str) -> SampleKind | None:

@@ -1,6 +1,4 @@
-"""Decide which buttons of the page are enabled, and give a reason for each disabled button. No
-I/O.
-"""
+"""Decide which buttons of the page are enabled, with a reason for each disabled one."""
 
 from dataclasses import dataclass
 from typing import Any

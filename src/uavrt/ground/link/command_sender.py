@@ -1,6 +1,5 @@
-"""Send the operator's commands to the drone, one at a time, and report progress.
-
-Each command returns a text for the operator, or raises an error of the drone or the link.
+"""Send the operator's commands to the drone, one at a time, and report progress; each returns a
+text for the operator, or raises an error of the drone or the link.
 """
 
 import asyncio
@@ -139,9 +138,7 @@ class Commands:
             return await self._use_radio(link, "raw_capture") or "capturing"
 
     async def _use_radio(self, link: GroundLink, name: CommandName) -> str:
-        """Start detection or a raw capture with the radio settings of the page; return the
-        flight's directory.
-        """
+        """Start detection or a raw capture with the page's radio; return the directory."""
         settings = self._vehicle.store.settings
         frequency = settings.center_frequency_mhz
         return await link.start_detection(
@@ -236,9 +233,7 @@ class Commands:
             return f"{name} = {value:g}"
 
     async def mark(self, text: str = "", place: tuple[float, float] | None = None) -> str:
-        """Write a remark with time and position into the recording; default is the drone's
-        position.
-        """
+        """Record a remark with time and position; by default the drone's position."""
         now_ns = self._vehicle.clock.now_ns()
         pose = self._vehicle.connection.watch.pose if self._vehicle.connection.watch else None
         if place is None and pose is not None:

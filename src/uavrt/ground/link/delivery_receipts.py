@@ -1,8 +1,7 @@
 """Acknowledge stored pulses and recognise repeated pulses. No I/O.
 
-A receipt names only pulses that are stored on the ground station's disk. It also repeats some
-hashes of earlier receipts, so that the drone seldom sends a pulse again because a receipt was
-lost.
+A receipt names only pulses on the ground station's disk, and repeats some earlier hashes, so
+that few pulses are sent again because a receipt was lost.
 """
 
 from collections import deque

@@ -1,7 +1,5 @@
 """Ground side of the tunnel over MAVLink: find the drone, upload tags, start, stop.
-
-`GroundProtocol` encodes and decodes the messages without I/O; `GroundLink` exchanges them over
-MAVLink.
+`GroundProtocol` encodes and decodes; `GroundLink` exchanges the messages.
 """
 
 import asyncio
@@ -168,9 +166,7 @@ class GroundLink:
             await self._links.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
-        """Wait until a message of the drone (component 191) arrives; raises `LinkError` after
-        `timeout_s`.
-        """
+        """Wait for a message of the drone (component 191); `LinkError` after `timeout_s`."""
         await self.contact.wait(timeout_s)
         assert self.protocol.drone is not None
         return self.protocol.drone

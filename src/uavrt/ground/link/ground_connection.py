@@ -54,10 +54,7 @@ class Connection:
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the link from the settings; raises `LinkError`.
-
-        `tags`: function that returns the tags sent to the drone.
-        """
+        """Open the link from the settings, with the tags of `tags`; raises `LinkError`."""
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
             disk = self._store.disk
@@ -102,9 +99,7 @@ class Connection:
         self.link = self._serving = self.watch = None
 
     def serve(self, now_ns: int) -> VehicleWatch | None:
-        """Send the requests that are due to the vehicle; return its state, or None if the link
-        is closed.
-        """
+        """Send due requests to the vehicle; return its state, None if the link is closed."""
         if self._serving is not None and self._serving.done():
             # A link that was given up for another has no exception, and raises when asked.
             ended = None if self._serving.cancelled() else self._serving.exception()
@@ -118,9 +113,7 @@ class Connection:
         return watch
 
     def report_faults(self) -> None:
-        """Log the number of frames that could not be handled: at the first, then each time it
-        has doubled.
-        """
+        """Log how many frames could not be handled: the first, then at each doubling."""
         faults = 0 if self.link is None else self.link.faults
         if faults.bit_length() > self._faults_reported.bit_length():
             self._faults_reported = faults

@@ -1,7 +1,5 @@
-"""Position of this computer from a GPS receiver that sends NMEA; unknown once it is old.
-
-The receiver is on a serial port, UDP or TCP, opened by `uavrt.link.mavlink`, which also
-reconnects.
+"""Position of this computer from a GPS receiver that sends NMEA by serial port, UDP or TCP
+(`uavrt.link.mavlink` reconnects); unknown once it is old.
 """
 
 import asyncio

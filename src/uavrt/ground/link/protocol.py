@@ -54,11 +54,9 @@ from uavrt.link.tunnel.tunnel_records import has_place, pulse_from_wire, tag_of_
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""Time without messages after which the drone counts as lost [ns], as in the original ground
-station."""
+"""Time without messages after which the drone counts as lost [ns], as in the original."""
 FILES_NS = ns_from_s(3.0)
-"""Time after a file request for which our keepalives announce a file transfer to the drone
-[ns]."""
+"""Time after a file request for which keepalives announce a file transfer [ns]."""
 ORDERS = 16
 """Number of recent motion orders that are remembered; answers to older orders are ignored."""
 

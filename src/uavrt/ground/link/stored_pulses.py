@@ -1,8 +1,7 @@
 """Record which pulses a ground station's directory holds, for receipts after a restart.
 
-``received.bin`` begins with 8 bytes, a random number that identifies the store. An 8-byte hash
-of each pulse's payload follows, written after the pulse itself. A directory without this file
-is a new store, and the drone sends it the whole flight.
+``received.bin``: 8 bytes, a random number of the store, then an 8-byte hash of each pulse's
+payload, written after the pulse. To a directory without it the drone sends the whole flight.
 """
 
 import errno
@@ -29,10 +28,8 @@ def new_store() -> int:
 
 
 def open_receipts(directory: Path, disk: Disk = at_once) -> Receipts:
-    """Open the record of received pulses in a directory; `disk` runs the writes.
-
-    On a full disk, hashes stay in memory until there is room. If the station restarts before
-    that, the drone sends some stored pulses again.
+    """Open the record of received pulses in a directory; `disk` runs the writes. On a full
+    disk, hashes wait in memory; after a restart, those pulses are sent again.
     """
     path = directory / RECEIVED_NAME
     content = b""

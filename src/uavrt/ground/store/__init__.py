@@ -1,7 +1,6 @@
 """Store flights and settings on the ground station.
 
-`flight_keeper` starts and ends the ground's recording of a flight, and `flight_writer` writes
-it to disk. `stored_flights` lists and reads stored flights, and `known_flights` caches the
-list. `estimates` computes bearings and positions. `ground_settings` keeps settings between
-runs.
+`flight_keeper` and `flight_writer` record a flight, `stored_flights` reads them, and
+`known_flights` caches their list. `estimates` computes bearings and positions;
+`ground_settings` keeps settings between runs.
 """

@@ -1,8 +1,6 @@
-"""Detect whether the drone side on this computer records flights in the page's directory.
-
-The supervisor's files identify the directory. The page's copy of a flight gets the name of the
-drone's recording. A star on either then protects both, and both are removed when disk space
-runs out.
+"""Detect, by the supervisor's files, whether the drone side on this computer records flights in
+the page's directory. The page's copy then has the drone's name, and stars and removal apply to
+both.
 """
 
 from pathlib import Path

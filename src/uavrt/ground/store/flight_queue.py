@@ -21,8 +21,7 @@ MOST_RECORDS = 20_000
 RETRY_S = 1.0
 """Pause before a failed write to a flight's files is repeated [s]."""
 SLOW_S = 2.0
-"""Duration above which a write is reported as slow [s]; a healthy memory card takes
-milliseconds."""
+"""Duration above which a write is reported as slow [s]; a healthy card takes milliseconds."""
 SETTLE_CHECK_S = 0.01
 """Interval at which `settle` checks whether a write has ended [s]."""
 
@@ -104,10 +103,7 @@ class FlightQueue:
             )
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue to the disk, one second after a fault unless `at_once`.
-
-        Writes that the disk refuses stay in the queue.
-        """
+        """Write the queue, one second after a fault unless `at_once`; refused writes stay."""
         fault = self.fault
         if fault is not None and not self._reported:
             log.warning(

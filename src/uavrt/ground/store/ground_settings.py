@@ -36,8 +36,7 @@ from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 MOST_JOBS = 256
-"""Maximum number of writes queued while the disk does not answer: 16 for each of 16 vehicles.
-"""
+"""Maximum number of writes queued while the disk does not answer: 16 a vehicle."""
 MOST_NAME = 40
 """Maximum number of letters of a vehicle's name, which the page shows in its header."""
 
@@ -52,8 +51,7 @@ class GroundSettings:
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
     heading_error_deg: float = COMMON.heading_sigma_deg
-    """Error shared by all headings of a flight (compass, mounting, declination), one standard
-    deviation [deg]; 0: none."""
+    """Standard deviation of the error shared by a flight's headings [deg]; 0: none."""
     height_error_m: float = SURVEY.height_sigma_m
     """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     gain: int | None = None
@@ -134,8 +132,7 @@ class GroundStore:
         self.vehicle: tuple[int | None, str | None] = (
             _vehicle(kept) if self.current_flight else (None, None)
         )
-        """System id and unique number of the served vehicle; None unless a flight is in
-        progress."""
+        """System id and unique number of the served vehicle; None without a flight."""
         self.further_vehicles = _numbers(kept.get("further_vehicles"))
         """MAVLink system ids of vehicles to serve in addition to the first."""
         page = kept.get("commander") if self.current_flight else None
@@ -161,9 +158,7 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Directory that `uavrt batch` wrote: from the settings, or among the flights; else
-        None.
-        """
+        """Output of `uavrt batch`: from the settings, or among the flights; else None."""
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"

@@ -1,7 +1,4 @@
-"""Cache of flight summaries on the disk, since reading thousands of databases takes seconds.
-
-The cache file can be deleted at any time.
-"""
+"""Cache of flight summaries, as reading thousands of databases takes seconds; deletable."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,8 +25,7 @@ class FlightSummary:
     pulses: int
     tags: tuple[Tag, ...]
     source: str
-    """``"ground"`` if this ground station recorded the flight, ``"drone"`` if it was copied
-    from a drone."""
+    """``"ground"``: recorded by this ground station; ``"drone"``: copied from a drone."""
     starred: bool = False
     """True for a flight that is never removed automatically."""
     vehicle: str | None = None

@@ -13,8 +13,7 @@ PULSES_NAME = "pulses.jsonl"
 
 
 class PulseLines:
-    """The file ``pulses.jsonl``, with one line for each pulse and for the pulse times of each
-    burst.
+    """The file ``pulses.jsonl``, with a line for each pulse and for each burst's pulse times.
 
     Lines are written at once. An existing file is continued, and an incomplete last line is
     removed.

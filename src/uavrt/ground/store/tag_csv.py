@@ -53,9 +53,7 @@ def is_selected(cell: str) -> bool:
 
 
 def _with_whole_name(cells: list[str], before: int, after: int, joined: str) -> list[str]:
-    """Rejoin a name that was split at separators; it has `before` cells before it and `after`
-    cells after it.
-    """
+    """Rejoin a name split at separators, with `before` and `after` cells around it."""
     last = next((place for place in range(len(cells), 0, -1) if cells[place - 1]), 0)
     cells = cells[:last]
     end = last - after

@@ -35,8 +35,7 @@ CODE_FIELDS = ("kind", "gaps_ms")
 """Columns of the page's table for coded tags only, whose interval is that between bursts."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
-"""Minimum false-alarm probability accepted without a percent sign [%]; a smaller number is
-probably meant as a fraction."""
+"""Minimum false-alarm probability without a percent sign [%]; less is meant as a fraction."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
 MAX_ROWS = 500
@@ -338,9 +337,7 @@ def _percent(number: float) -> float | int | str:
 
 
 def _key(number: str) -> str:
-    """Manufacturer number without spaces and ``.0``, so that numbers of two files can be
-    compared.
-    """
+    """Manufacturer number without spaces and ``.0``, to compare numbers of two files."""
     return number.removesuffix(".0").strip()
 
 

@@ -1,7 +1,4 @@
-"""Serve the page: the station and its web server together.
-
-``uavrt ground`` and ``uavrt demo`` call this; it needs the extra ``uavrt[ground]``.
-"""
+"""Serve the page: the station and its web server together (extra ``uavrt[ground]``)."""
 
 import asyncio
 import contextlib
@@ -19,8 +16,7 @@ from uavrt.ground.web.access.password_limit import LEAST_PASSWORD
 from uavrt.ground.web.server import PageServer, ServerSettings, listening_socket, page_server
 
 TIDY_S = 5.0
-"""Interval of returning free memory to the system [s]. Opening a flight of 100 000 pulses uses
-40 MB, which glibc would keep."""
+"""Interval of returning free memory to the system [s]; a large flight uses 40 MB."""
 
 SLOW_S = 0.03
 """Duration above which a garbage collection visibly delays a pulse on the page [s]."""
@@ -80,10 +76,8 @@ def page_address(settings: ServerSettings, sock: socket.socket) -> str:
 
 
 async def _tidied() -> None:
-    """Free unused memory periodically, until cancelled; imported modules are exempted.
-
-    The first estimate or report imports more modules. If a collection is then slow, these are
-    exempted too.
+    """Free unused memory periodically, until cancelled; modules, also those imported by the
+    first estimate or report, are exempted if a collection is slow.
     """
     gc.freeze()
     heap, freezes = HeapKeeper(monotonic_s(), period_s=TIDY_S), 1

@@ -1,7 +1,5 @@
-"""HTTP and WebSocket server of the ground station: sockets, access control and page.
-
-The routes are in `api`. This module is imported only for ``uavrt ground`` with a page, because
-it needs the extra ``uavrt[ground]``.
+"""HTTP and WebSocket server of the ground station: sockets, access control and page. It needs
+the extra ``uavrt[ground]``, so only ``uavrt ground`` with a page imports it.
 """
 
 import asyncio
@@ -68,11 +66,9 @@ class ServerSettings:
     certificate: Path | None = None
     key: Path | None = None
     access_point: str | None = None
-    """Text by which phones join this computer's own Wi-Fi,
-    ``WIFI:T:WPA;S:name;P:password;;``; None without one."""
+    """Text by which phones join our Wi-Fi, ``WIFI:T:WPA;S:name;P:password;;``; or None."""
     drone_settings: Path | None = None
-    """``uavrt.toml`` of the drone side on this computer, which the page may set up; None: no
-    set-up."""
+    """``uavrt.toml`` of this computer's drone side, for its set-up; None: no set-up."""
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:

@@ -1,3 +1,1 @@
-"""Probability of detecting a tag at a position, from link budget, propagation and antenna
-path.
-"""
+"""Probability of detecting a tag from link budget, propagation and antenna path."""

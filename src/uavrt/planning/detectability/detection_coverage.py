@@ -1,5 +1,4 @@
-"""Compute the probability that a tag at each map cell is detected along a planned or flown
-path.
+"""Compute the probability that a tag at each map cell is detected along a path.
 
 The expected pulses are divided into groups of K, the number that the detector sums. Link
 budget, antenna pattern and terrain give a group's mean energy, which determines the probability
@@ -45,8 +44,7 @@ class AntennaPath:
     headings: Headings | None = None
     """Headings of the antenna; None if its gain is equal in all directions."""
     noise_db: _Floats | None = None
-    """Noise at each pulse relative to the noise in the link budget [dB], shape (n,); None if
-    equal."""
+    """Noise at each pulse relative to the link budget's [dB], shape (n,); None if equal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,8 +53,7 @@ class Coverage:
 
     ground: GroundGrid
     heard: _Singles
-    """Detection probability, shape (rows, columns), southern row first; NaN where the ground
-    height is unknown."""
+    """Detection probability, shape (rows, columns), south first; NaN for unknown ground."""
     groups: int
     """Number of pulse groups (of K pulses each) along the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
@@ -66,23 +63,17 @@ class Coverage:
 
     @property
     def mean(self) -> float:
-        """Mean detection probability over all cells of known ground height; NaN if there are
-        none.
-        """
+        """Mean detection probability over cells of known height; NaN without any."""
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Area of the cells of known ground height [km²], on which the mean and the shares are
-        based.
-        """
+        """Area of the cells of known height [km²], on which mean and shares are based."""
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the cells of known ground height whose detection probability is at least
-        `probability`.
-        """
+        """Share of the cells of known height detected with `probability` or more."""
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
@@ -107,9 +98,7 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Return the antenna's position at the time of each pulse on straight paths between
-    corners; with `nose_first` also its direction, along the path.
-    """
+    """Antenna's position at each pulse on straight paths; with `nose_first` its direction."""
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))
@@ -199,9 +188,7 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """Probability of a detection from all pulses of a flight together, shape (errors, rows,
-    columns).
-    """
+    """Probability of a whole-flight detection, shape (errors, rows, columns)."""
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
@@ -230,9 +217,7 @@ def absence(coverage: Coverage, inside: NDArray[np.bool_], prior: float | None) 
 
 @lru_cache(maxsize=64)
 def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
-    """Logarithm of the probability of missing a group of pulses, tabulated by ENR in steps of
-    0.25 dB.
-    """
+    """Log probability of missing a group of pulses, by ENR in steps of 0.25 dB."""
     found = [
         detection_probability(tag, float(enr), frequency_window_hz=frequency_window_hz)
         for enr in _GROUP_ENR_DB
@@ -241,9 +226,7 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Computes the received energy of a pulse for tags at all cells, again only after the drone
-    has moved.
-    """
+    """Received energy of a pulse from all cells, computed again after the drone moved."""
 
     def __init__(
         self,

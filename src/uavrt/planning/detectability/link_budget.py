@@ -1,5 +1,4 @@
-"""Compute the range at which a tag is detected, from transmitted power, path loss, antenna and
-noise.
+"""Compute the range at which a tag is detected, from power, path loss, antenna, noise.
 
 The ratio of a pulse's energy to the noise density is ENR = EIRP + antenna gain - mismatch -
 loss + 10 log10(pulse width) - noise density. The loss is that of free space, 20 log10(4 pi d /
@@ -79,9 +78,7 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Distance up to which the ENR is at least `needed_db` [m], at most 100 km; None if it
-        is too low everywhere.
-        """
+        """Largest distance with an ENR of `needed_db` [m], at most 100 km; None if nowhere."""
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

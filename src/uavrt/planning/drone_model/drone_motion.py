@@ -69,13 +69,10 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Sampled candidate paths from the present position: straight paths or turns in place, all
-    with equally many samples.
-    """
+    """Sampled candidate paths from here, straight or turns in place, of equal samples."""
 
     duration_s: _Floats
-    """Durations of the paths or turns [s], shape (legs,); infinite if the wind is too
-    strong."""
+    """Durations of the paths or turns [s], shape (legs,); infinite in too strong wind."""
     time_s: _Floats
     """Times of each path's sampled points, from now [s], shape (legs, samples)."""
     east_m: _Floats
@@ -97,9 +94,7 @@ class Vehicle(Protocol):
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration of the path to each position [s], shape (positions,); infinite if the wind
-        is too strong.
-        """
+        """Duration of the path to each position [s], (positions,); infinite if too windy."""
 
     def along(
         self,
@@ -109,9 +104,7 @@ class Vehicle(Protocol):
         wind: Wind,
         time_s: _Floats,
     ) -> Legs:
-        """Sample the straight paths to positions (legs,) at times (legs, samples) from now
-        [s].
-        """
+        """Sample straight paths to positions (legs,) at times (legs, samples) from now [s]."""
 
 
 def ground_speed_m_s(airspeed_m_s: float, course_rad: _Floats, wind: Wind) -> _Floats:
@@ -194,9 +187,7 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration of the path to each position [s], shape (positions,); infinite if the wind
-        is too strong.
-        """
+        """Duration of the path to each position [s], (positions,); infinite if too windy."""
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -229,9 +220,7 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """Distance flown at each sample [m], shape (legs, samples), through acceleration,
-        steady flight and braking.
-        """
+        """Distance flown at each sample [m], (legs, samples), with acceleration."""
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -263,9 +252,7 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """For each path: side (+1 right) and angle [rad] of the first turn, and length of the
-        straight part [m], shape (legs,) each.
-        """
+        """Side (+1 right) and angle [rad] of the first turn, straight length [m], (legs,)."""
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -284,9 +271,7 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration of the path to each position [s], shape (positions,): a turn in still air,
-        then a straight part in the wind.
-        """
+        """Duration [s], (positions,): a turn in still air, then a straight part in wind."""
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -329,9 +314,7 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Return the drone's positions at each time step of an action. Raises `ConfigError` if the
-    wind is too strong.
-    """
+    """Drone's positions at an action's time steps; `ConfigError` for too strong wind."""
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)

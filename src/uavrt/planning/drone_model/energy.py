@@ -1,6 +1,4 @@
-"""Model the power needed for flight, correct it by the battery's readings, and decide when to
-return.
-"""
+"""Model the power for flight, correct it by the battery, and decide when to return."""
 
 from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite
@@ -27,8 +25,7 @@ class EnergyModel:
     climb_j_per_m: float = 60.0
     """Energy needed for each metre of climb in addition to level flight [J]."""
     scale: float = 1.0
-    """Ratio of measured to modelled power, which depends on payload, air and the battery's
-    age."""
+    """Ratio of measured to modelled power, by payload, air and the battery's age."""
     scale_sigma: float = 0.2
     """Standard deviation of the ratio of measured to modelled power."""
 
@@ -53,8 +50,7 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Return a copy whose power scale is updated by the predicted and the used energy of a
-        part of the flight.
+        """Copy whose power scale is updated by predicted and used energy of a flight's part.
 
         An unlikely ratio, as from an unknown payload, is accepted but increases the
         uncertainty, because the drone must reach home in any case. `sigma_wh` is the standard
@@ -88,9 +84,7 @@ class EnergyModel:
         return_height_m: float = 0.0,
         sigmas: float = 2.0,
     ) -> float:
-        """Energy needed to climb, fly home and descend [Wh]; infinite if the wind is too
-        strong.
-        """
+        """Energy to climb, fly home and descend [Wh]; infinite if the wind is too strong."""
         east, north = np.array([home_m[0]]), np.array([home_m[1]])
         flying = float(vehicle.durations(state, east, north, wind)[0])
         if not isfinite(flying):
@@ -119,7 +113,5 @@ class Battery:
     reserve_wh: float = 15.0
 
     def must_return(self, way_home_wh: float, next_leg_wh: float = 0.0) -> bool:
-        """True if after the next path too little energy would remain for the return and the
-        reserve.
-        """
+        """True if after the next path too little energy remains for return and reserve."""
         return self.remaining_wh - next_leg_wh <= way_home_wh + self.reserve_wh

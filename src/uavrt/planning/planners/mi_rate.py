@@ -1,5 +1,4 @@
-"""Default planner, which chooses the path that gives the most information per second on all
-tags not yet found.
+"""Default planner: the path with most information per second on all tags not found.
 
 It rates paths of several lengths in sixteen directions, paths to each tag and past it on both
 sides, and a turn in place. Information on a tag counts only up to the amount still needed to
@@ -16,13 +15,13 @@ from uavrt.planning.beliefs import TagBelief
 from uavrt.planning.drone_model.drone_motion import Legs
 from uavrt.planning.drone_model.planner_actions import Action, Hold, Rotate
 from uavrt.planning.information import information_nats
-from uavrt.planning.planners.tangents import tangents
 from uavrt.planning.planners.ways import (
     CandidatePaths,
     checked,
     headings,
     here,
     sampled,
+    tangents,
     turning,
 )
 from uavrt.planning.situation import Candidate, Decision, Situation
@@ -35,8 +34,7 @@ class _PathRating:
     """Constants by which candidate paths are generated and rated."""
 
     samples: int = 8
-    """Number of points at which a candidate path is sampled; each represents the pulses around
-    it."""
+    """Number of points at which a path is sampled, each for the pulses around it."""
     directions: int = 16
     """Number of exploratory paths, in evenly spread directions without regard to tags."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
@@ -48,28 +46,22 @@ class _PathRating:
     stay_s: float = 4.0
     """Time that the drone stays at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Share of a tag's needed information; if less is still missing, a round over the tags
-    skips this tag."""
+    """Share of a tag's needed information below which a round skips the tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing position information above which all directions are explored, if it is exceeded
-    for every tag [nats]."""
+    """Missing information of every tag above which all directions are explored [nats]."""
     change_gain: float = 0.15
-    """Relative gain required to change the target tag while the drone keeps away from animals
-    or other drones."""
+    """Relative gain for changing the target while keeping away from animals or drones."""
     turn_nats: float = 1.5
-    """Minimum information on an animal that may be near at which a turn in place is worthwhile
-    [nats]."""
+    """Minimum information on an animal near at which a turn in place is worthwhile [nats]."""
     near_probability: float = 0.25
-    """Probability that an animal is near above which the drone leaves instead of turning in
-    place."""
+    """Probability of an animal near above which the drone leaves without a turn."""
     vague_factor: float = 1.5
-    """Minimum ratio of an animal's position spread to the distance to keep at which a turn in
-    place helps."""
+    """Minimum ratio of an animal's spread to the distance kept for a turn to help."""
 
 
 _RATING = _PathRating()
@@ -107,9 +99,7 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Choose the best of the allowed paths and the turn in place, which is the last
-        candidate if present.
-        """
+        """Best of the allowed paths and the turn in place, the last candidate if present."""
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -157,9 +147,7 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
-        """Return candidate paths, their durations, samples and target tags; a turn in place is
-        the last sampled candidate.
-        """
+        """Paths, durations, samples, target tags; a turn in place is sampled last."""
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -212,8 +200,7 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while every tag is far from its target accuracy; candidate paths then cover all
-        directions.
+        """True while every tag is far from its accuracy; all directions are explored then.
 
         Otherwise only paths to the tags are rated. A path past many walking tags would give a
         little information on each again and again, and never find one.
@@ -225,9 +212,7 @@ class MiRate:
         return here(situation).refused[0] is None
 
     def _least_disturbing(self, situation: Situation, ways: CandidatePaths) -> Decision:
-        """Choose the action that disturbs animals least if no allowed path keeps the
-        distance.
-        """
+        """Action that disturbs animals least when no allowed path keeps the distance."""
         stays = self._wait_or_turn(situation)
         if stays is not None:
             return stays
@@ -243,9 +228,7 @@ class MiRate:
         )
 
     def _wait_or_turn(self, situation: Situation) -> Decision | None:
-        """Return a wait, or a turn that locates an animal which may be near; None if neither
-        helps.
-        """
+        """A wait, or a turn that locates an animal near; None if neither helps."""
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -313,9 +296,7 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """Value per second of each path followed by a round to the remaining tags, shape
-    (paths,).
-    """
+    """Value per second of each path with a round to the remaining tags, (paths,)."""
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

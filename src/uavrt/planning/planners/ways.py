@@ -14,9 +14,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CandidatePaths:
-    """Straight paths from the drone's position, with the results of the checks whether they may
-    be flown.
-    """
+    """Straight paths from the drone, with the results of the checks on them."""
 
     east_m: _Floats
     """East coordinate of each candidate path's end [m], shape (paths,)."""
@@ -24,11 +22,9 @@ class CandidatePaths:
     refused: list[str | None]
     """For each candidate path, the reason why it must not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """True for paths refused only because they may come too close to an animal, shape
-    (paths,)."""
+    """True for paths refused only for being too close to an animal, shape (paths,)."""
     kept: _Floats
-    """Probability that each path keeps the set distance from the animal most at risk, shape
-    (paths,)."""
+    """Probability that a path keeps the distance from the animal most at risk, (paths,)."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -52,12 +48,31 @@ def headings(
     )
 
 
+def tangents(
+    state_m: tuple[float, float], place_m: tuple[float, float], radius_m: float
+) -> tuple[_Floats, _Floats]:
+    """Ends of three paths: to a circle's nearest edge, and to its two tangent points."""
+    dx, dy = place_m[0] - state_m[0], place_m[1] - state_m[1]
+    distance = max(float(np.hypot(dx, dy)), 1e-6)
+    course = np.arctan2(dx, dy)
+    if distance <= radius_m:
+        # Inside: straight away from the middle.
+        out = radius_m - distance
+        return (
+            np.array([state_m[0] - out * np.sin(course)]),
+            np.array([state_m[1] - out * np.cos(course)]),
+        )
+    off = np.arcsin(min(1.0, radius_m / distance))
+    touching = np.sqrt(distance**2 - radius_m**2)
+    angles = np.array([course, course - off, course + off])
+    lengths = np.array([distance - radius_m, touching, touching])
+    return state_m[0] + lengths * np.sin(angles), state_m[1] + lengths * np.cos(angles)
+
+
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check which paths, including stays at their ends, are allowed by the area, other drones
-    and animals.
-    """
+    """Check paths, with stays at their ends, for area, other drones and animals."""
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -88,9 +103,7 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones' paths; a drone that is already too close may only
-    move away.
-    """
+    """Refuse paths close to other drones'; a drone too close may only move away."""
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -106,9 +119,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Return the checked candidate "stay here for one planner cycle" as a path of zero
-    length.
-    """
+    """Checked candidate of staying for one planner cycle: a path of zero length."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -117,9 +128,7 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths of a fixed wing if the curve that it would fly, or a circle to turn back,
-    leaves the allowed area.
-    """
+    """Refuse a fixed wing's paths whose curve, or a circle to turn back, leaves the area."""
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -135,9 +144,7 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Reason why a fixed wing has no room for a full circle after a planner cycle or at a
-    path's end; None if it has.
-    """
+    """Why a fixed wing cannot circle after a planner cycle or at a path's end; or None."""
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -1,5 +1,4 @@
-"""Record each finished recording and flight in a file of its own, so that a crash loses no
-finished work.
+"""Record each finished recording and flight in its own file: crashes lose no work.
 
 A row is written after its tables have reached the disk, and contains their digests. So after a
 crash or power cut every row has complete tables. Tables without a row are removed, and a row
@@ -31,8 +30,7 @@ R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
 """Folder below the output to which damaged row files and their tables are moved."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
-"""Pattern of a table's file name, which is the key of its processing step with an extension
-(`step_keys`)."""
+"""Pattern of a table's file name: the key of its processing step (`step_keys`)."""
 
 
 class _Entry(msgspec.Struct, frozen=True):
@@ -42,9 +40,8 @@ class _Entry(msgspec.Struct, frozen=True):
 
 
 class Ledger(Generic[R]):
-    """Rows of all finished recordings, or of all finished flights, and their tables.
-
-    With `thorough`, all tables are read and their digests compared; otherwise sizes and times.
+    """Rows of all finished recordings, or of all finished flights, and their tables. With
+    `thorough`, tables are read and digests compared; otherwise sizes and times.
     """
 
     def __init__(
@@ -79,16 +76,12 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Return the row of successful work; `key` is a hash of its inputs. None if it failed
-        or was not done.
-        """
+        """Row of successful work by the hash of its inputs; None if failed or not done."""
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Return the newest successful row of a recording or flight, whatever its settings;
-        None if there is none.
-        """
+        """Newest successful row of a recording or flight with any settings; or None."""
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
@@ -97,9 +90,7 @@ class Ledger(Generic[R]):
         return dict(self._files.get(key, {}))
 
     def times(self, table: str) -> dict[str, int | None]:
-        """Return the start time [ns] of the data in each file of a table, by file name without
-        extension.
-        """
+        """Start time [ns] of the data in each file of a table, by file name without suffix."""
         return {
             Path(name).stem: row.start_time_ns
             for key, row in self._rows.items()
@@ -108,9 +99,7 @@ class Ledger(Generic[R]):
         }
 
     def record(self, row: R, files: Mapping[str, FileFingerprint] | None = None) -> None:
-        """Store the row of finished work and its table `files`; remove the rows and tables that
-        it replaces.
-        """
+        """Store a row and its table `files`; remove the rows and tables that it replaces."""
         key, before = row.fingerprint, self.files(row.fingerprint)
         held = before if files is None else dict(files)
         entry = _Entry(row=msgspec.Raw(msgspec.json.encode(row)), files=held)
@@ -172,10 +161,8 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables that belong to no row, unless damaged rows were moved aside.
-
-        If this run or an interrupted one moved damaged rows aside, the tables may belong to
-        them and are not removed. Files of other programs are never removed.
+        """Remove tables that belong to no row. If damaged rows were moved aside, now or in an
+        interrupted run, tables may belong to them and stay, as do other programs' files.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}

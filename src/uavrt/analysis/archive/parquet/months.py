@@ -50,21 +50,17 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Number of new table files from which they are copied into monthly files; fewer are opened one
-by one."""
+"""Number of new table files from which they are copied into monthly files."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
-"""Longest time to wait for an interrupted query to end [s], since some steps of DuckDB ignore
-interrupts."""
+"""Longest wait for an interrupted query [s]; some steps of DuckDB ignore interrupts."""
 INDEX = "copies.json"
 UNKNOWN = "unknown"
 """Name used in place of the month, in a file name, for rows without a known time."""
 
 
 class Copy(msgspec.Struct, frozen=True):
-    """Index entry of one file that contains rows copied from other files, or a cached query
-    result.
-    """
+    """Index entry of a file with rows copied from other files, or a cached query result."""
 
     seal: FileFingerprint
     keys: list[str] = []  # a struct copies it
@@ -83,9 +79,8 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the monthly files with newly written tables; return the new index.
-
-    Fewer than `least_files` new files are not copied, unless monthly files were `lost`.
+    """Update the monthly files with newly written tables; return the new index. Fewer than
+    `least_files` new ones are not copied, unless monthly files were `lost`.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -105,8 +100,7 @@ def gather_months(
 
 
 def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str, str]]:
-    """Read the index of the usable monthly files; for the others return the reason why they
-    cannot be used, by path.
+    """Read the index of usable monthly files; for others return the fault by path.
 
     With `thorough` all monthly files are read; otherwise only their sizes and times are
     compared.
@@ -127,9 +121,7 @@ def read_index(output: Path, *, thorough: bool = False) -> tuple[Index, dict[str
 
 
 def write_index(output: Path, index: Index) -> None:
-    """Write the index of monthly files, and delete files that are not in it. Raises
-    `OSError`.
-    """
+    """Write the index of monthly files, and delete files not in it. Raises `OSError`."""
     write_note(output / INDEX, msgspec.json.encode(index))
     for folder, _, names in os.walk(output / MONTHS):
         for path in (Path(folder, name) for name in names):
@@ -147,10 +139,8 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
-    """Run a query on a new DuckDB connection that Ctrl-C can end at once.
-
-    The query runs in another thread. DuckDB checks for signals only between the tasks of a
-    query, which may take minutes.
+    """Run a query on a new DuckDB connection, in a thread, so that Ctrl-C can end it at once;
+    DuckDB itself checks for signals only between tasks, after minutes.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
@@ -182,18 +172,14 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
 
 
 def _end_during_query(thread: Thread) -> None:
-    """Exit the process at once if a query is still running, because a normal exit of the
-    interpreter would crash in DuckDB.
-    """
+    """Exit at once if a query still runs: the interpreter's exit would crash in DuckDB."""
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)
 
 
 def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
-    """Write the rows of many files into one file, sorted by tag and time. DuckDB sorts on the
-    disk if memory is short.
-    """
+    """Write the rows of many files into one, sorted by tag and time, if needed on the disk."""
     files = [output / table / f"{key}.parquet" for key in keys]
     target = output / name
     make_directories(target.parent)
@@ -231,9 +217,7 @@ def source_of(output: Path, table: str) -> str | None:
 
 
 def rows_of(files: list[Path]) -> str:
-    """Return an SQL expression that reads Parquet files without adding columns for the names of
-    their folders.
-    """
+    """SQL expression that reads Parquet files, without columns for their folders' names."""
     listed = ", ".join(map(quoted, sorted(files)))
     return f"read_parquet([{listed}], hive_partitioning = false, union_by_name = true)"
 

@@ -74,16 +74,14 @@ class FlightRow:
     fingerprint: str
     state: str
     fault: str | None
-    """Reason why the flight has no poses, bearings or positions, or why some of its tags have
-    none."""
+    """Why the flight, or some of its tags, have no poses, bearings or positions."""
     start_time_ns: int | None
     steps: str
     antenna: str
     pulses: int
     pulses_with_pose: int
     clock_offset_s: float | None
-    """Offset of the pulses' clock from the track's clock [s], positive if the pulses' clock is
-    ahead."""
+    """Offset of the pulses' clock from the track's [s], positive if the former is ahead."""
     bearings: int
     positions: int
     cpu_s: float
@@ -96,8 +94,7 @@ class FlightRow:
     fingerprints: str = ""
     """Hash of each processing step's inputs, as STEP=HASH separated by commas."""
     copies: str = ""
-    """Directories with copies of this flight, one per line; data of the copies are in no
-    table."""
+    """Directories with copies of this flight, one per line; their data are in no table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,8 +104,7 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse [ns]. Recording, tag and start together identify the pulse in the
-    table of pulses."""
+    """Start of the pulse [ns]; identifies it in the pulse table with recording and tag."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -194,16 +190,13 @@ Row = TypeVar("Row")
 
 
 def need_pyarrow() -> None:
-    """Raise `UsageError` at the start of a batch if the library that writes Parquet files is
-    missing.
-    """
+    """Raise `UsageError` at a batch's start if the library for Parquet files is missing."""
     with needs_extra("batch", "A batch"):
         import pyarrow  # noqa: F401
 
 
 def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
-    """Return the Parquet schema of a record type; times appear also as timestamps
-    (``start_utc``).
+    """Parquet schema of a record type; times appear also as timestamps (``start_utc``).
 
     Pulses get additional columns for recording and cell; `flight` adds a column for the
     flight.
@@ -236,8 +229,7 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Return metadata that make pandas use nullable types, so that columns keep their type in
-    spite of nulls.
+    """Metadata by which pandas uses nullable types, so that columns keep them with nulls.
 
     See https://pandas.pydata.org/docs/development/developer.html.
     """
@@ -323,9 +315,7 @@ def _write(
 
 
 def _microseconds(times_ns: list[int | None]) -> list[int | None]:
-    """Round times [ns] down to microseconds, because Python, R and Spark support no shorter
-    unit.
-    """
+    """Round times [ns] down to microseconds, the shortest unit of Python, R and Spark."""
     return [None if one is None else one // 1000 for one in times_ns]
 
 

@@ -116,9 +116,7 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Call `query` with a DuckDB connection to an archive; errors of DuckDB are raised as
-    errors of uavrt.
-    """
+    """Call `query` with a DuckDB connection to an archive; DuckDB's errors become ours."""
     with needs_extra("batch", "An archive"):
         import duckdb
     check_archive(archive)
@@ -159,9 +157,7 @@ def in_archive(
 
 
 def keep_answers(archive: Path, index: Index) -> Index:
-    """Cache the results of slow queries, valid until a pulse table changes; return the new
-    index.
-    """
+    """Cache slow queries' results until a pulse table changes; return the new index."""
     import pyarrow.parquet as pq
 
     if not any(name.startswith(f"{MONTHS}/{PULSES}/") for name in index):
@@ -180,9 +176,7 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Path of the cached result of a query in `KEPT`; None if there is none for the present
-    pulse tables.
-    """
+    """Path of a query's cached result in `KEPT`; None without one for the present pulses."""
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 
@@ -196,9 +190,7 @@ def _place(archive: Path, name: str) -> str:
 
 
 def _make_views(connection: "duckdb.DuckDBPyConnection", archive: Path, question: str) -> None:
-    """Create a view for each table that occurs in a query; listing the files of all tables
-    would take long.
-    """
+    """Create a view for each table in a query; listing the files of all would take long."""
     asked = question.lower()
     whole: dict[str, type] = {RECORDINGS: RecordingRow, FLIGHTS: FlightRow}
     for file, record in whole.items():

@@ -34,9 +34,7 @@ def sealed(path: Path) -> FileFingerprint:
 
 
 def fault_of(path: Path, seal: FileFingerprint, *, thorough: bool = False) -> str | None:
-    """Reason why a file differs from its recorded fingerprint; None if it does not. Raises
-    `OSError`.
-    """
+    """Reason why a file differs from its fingerprint; None if equal. Raises `OSError`."""
     try:
         about = path.stat()
     except (FileNotFoundError, NotADirectoryError):

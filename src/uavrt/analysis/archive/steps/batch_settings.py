@@ -10,8 +10,7 @@ from uavrt.core.errors import NotFound, UsageError
 
 STEPS = ("detect", "attach", "bearing", "localize", "integrate")
 USUAL_STEPS = STEPS[:-1]
-"""Steps that a batch runs by default: all except whole-flight analysis, which takes most time
-and memory."""
+"""Steps of a batch by default: all but whole-flight analysis, which takes most time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,16 +23,13 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask scheduler, such as tcp://HOST:PORT; None to use this computer's
-    cores."""
+    """Address of a Dask scheduler, such as tcp://HOST:PORT; None: this computer's cores."""
     verify: bool = False
     """True to read all output of earlier runs and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
 
     def check(self) -> None:
-        """Raise `UsageError` for an unknown step, or for a step without another one that it
-        needs.
-        """
+        """Raise `UsageError` for an unknown step, or one without a step that it needs."""
         if unknown := sorted(set(self.steps) - set(STEPS)):
             raise NotFound(
                 f"there is no step {unknown[0]}", remedy=f"Choose from {', '.join(STEPS)}"
@@ -65,14 +61,11 @@ class BatchWatch:
     """Function called with each recording or flight that is not reachable now, and the reason;
     its earlier results are kept."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
-    """Function called with each missing or damaged output file, and the reason; the file is
-    written again."""
+    """Receives each missing or damaged output file and the reason; it is written again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Function called with a message for the user that states what the run waits for and what
-    to do."""
+    """Receives a message for the user on what the run waits for and what to do."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
-    """Function called with each recording whose file has no start time, and the source of the
-    time used instead."""
+    """Receives each recording whose file has no start time, and the source of the time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,11 +79,9 @@ class BatchSummary:
     placed_now: int
     placed_before: int
     copies: int
-    """Number of directories that were skipped because they contain a second copy of a
-    flight."""
+    """Number of directories skipped because they contain a second copy of a flight."""
     kept: int
-    """Number of recordings and flights that are not reachable now; their earlier results are
-    kept."""
+    """Number of recordings and flights not reachable now; their earlier results are kept."""
     stopped: bool
     damaged: Mapping[str, str]
     """Missing or damaged output files, each with the reason; all were written again."""

@@ -23,9 +23,7 @@ from uavrt.radio.files.recording_source import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of searching one cell: pulses, signals that differ from the tag list, and
-    counters.
-    """
+    """Result of one cell: pulses, signals that differ from the tag list, counters."""
 
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
@@ -63,9 +61,7 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect pulses in the cell; return None if stopped. `on_done` is called with numbers
-        of searched samples.
-        """
+        """Detect the cell's pulses; None if stopped. `on_done` gets numbers of samples."""
         cell, began_s = self.cell, time.process_time()
         pulses: list[Pulse] = []
         beeps: list[Beep] = []
@@ -147,9 +143,7 @@ def _chain(task: CellTask, source: RecordingSource) -> DetectionChain:
 
 
 def _gone(task: CellTask, error: UavrtError) -> bool:
-    """True if the samples cannot be reached at present; False if they are lost, as by a bad
-    disk sector.
-    """
+    """True if the samples are out of reach at present; False if lost, as on a bad disk."""
     if not out_of_reach(error):
         return False
     cause = error.__cause__
@@ -163,9 +157,7 @@ def _gone(task: CellTask, error: UavrtError) -> bool:
 
 
 def _counts(cell: Cell, pulse: Pulse) -> bool:
-    """False for a pulse that ends in the cell's lead-in, since it belongs to the previous
-    cell.
-    """
+    """False for a pulse that ends in the cell's lead-in, since the previous cell has it."""
     return cell.begin_ns is None or pulse.end_time_ns >= cell.begin_ns
 
 

@@ -29,8 +29,7 @@ NO_WORKER_S = 3.0
 _CLOSE_S = 0.5
 _POLL_S = 0.5
 _QUEUED_LEAST = 64
-"""Minimum number of tasks in the queue, because an adaptive cluster grows with the length of
-its queue."""
+"""Minimum number of queued tasks, because an adaptive cluster grows with its queue."""
 
 
 class RunMarker:
@@ -45,9 +44,7 @@ class RunMarker:
         write_atomically(self._path, self._run, sync=False)
 
     def should_stop(self) -> bool:
-        """True if the marker file is missing or identifies another run; the worker must then
-        stop.
-        """
+        """True if the marker file is missing or another run's; the worker must then stop."""
         now_s = time.monotonic()
         if now_s - self._read_s >= _POLL_S and not self._stop:
             self._read_s = now_s
@@ -109,9 +106,7 @@ class _Cluster:
             self._client.close(timeout=_CLOSE_S)
 
     def at_once(self) -> int:
-        """Number of tasks to have submitted, so that no worker is idle and an adaptive cluster
-        grows.
-        """
+        """Number of submitted tasks that keeps workers busy and lets a cluster grow."""
         now_s = time.monotonic()
         if now_s - self._looked_s > 1.0 and self._client.status == "running":
             self._looked_s = now_s
@@ -135,9 +130,7 @@ class _Cluster:
             )
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Return the result of a finished task. Raises `LinkError` if the connection to the
-        scheduler is lost.
-        """
+        """Result of a finished task; `LinkError` if the scheduler's connection is lost."""
         with _scheduler_there():
             try:
                 return future.result()

@@ -49,9 +49,7 @@ class _Job:
 
 
 class Detecting:
-    """Plans the detection tasks for recordings without a row in `ledger`, and combines their
-    results.
-    """
+    """Plans detection for recordings without a row in `ledger`, and combines the results."""
 
     def __init__(
         self,
@@ -76,9 +74,7 @@ class Detecting:
         """Warning, by name, for each recording whose start is taken from its file's time."""
 
     def plan(self, recording: Recording) -> RecordingRow | None:
-        """Add the detection tasks of a recording; if it needs none, return its new result row,
-        if any.
-        """
+        """Add a recording's detection tasks; if it needs none, return its new row, if any."""
         try:
             key = _key(recording, self._sought, self._settings)
             self.keys[recording.path] = key
@@ -108,18 +104,14 @@ class Detecting:
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Use the last results of a recording that is not searched in this run; return False if
-        there are none.
-        """
+        """Use the last results of a recording not searched in this run; False without any."""
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint
         return known is not None
 
     def finish(self, number: int, result: CellResult) -> RecordingRow | None:
-        """Add the result of one task; return the recording's row if it was the recording's last
-        task.
-        """
+        """Add one task's result; return the recording's row if it was the last task."""
         job = self._jobs[number]
         job.results.append(result)
         if len(job.results) < job.cells:
@@ -239,9 +231,7 @@ def _beeps(results: Sequence[CellResult]) -> list[Beep]:
 
 
 def _joined(results: Sequence[CellResult]) -> list[tuple[int, Pulse]]:
-    """Combine the pulses of a recording's cells by tag and time; a pulse found in two cells is
-    counted once.
-    """
+    """Pulses of a recording's cells by tag and time; one found in two cells counts once."""
     found = [(one.number, pulse) for one in results for pulse in one.pulses]
     found.sort(key=lambda one: (one[1].tag_id, one[1].start_time_ns))
     kept: list[tuple[int, Pulse]] = []

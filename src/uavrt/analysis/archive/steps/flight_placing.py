@@ -99,9 +99,7 @@ class Placing:
         return Searched(recording=row.path, file=file)
 
     def _taken_away(self, found: Found) -> Iterator[tuple[Path, RecordingRow]]:
-        """Yield the flight directory and the row of each deleted recording whose pulses are
-        still stored.
-        """
+        """Flight directory and row of each deleted recording whose pulses are still stored."""
         flights, there = set(found.flights), {one.name for one in found.recordings}
         for row in self._recordings.rows:
             if row.state in ("done", "truncated") and row.path not in there:
@@ -189,9 +187,7 @@ class Placing:
         return {name: write_rows(self._output / name, record, rows, task.flight)}
 
     def _settle_recorded(self, task: FlightTask, result: FlightResult) -> None:
-        """Store the pulses that were detected in flight, or remove them if a recording of the
-        flight was searched.
-        """
+        """Store the pulses detected in flight, or remove them if a recording was searched."""
         if result.recorded is None:
             self._recordings.drop(task.path)
             return
@@ -237,9 +233,7 @@ class _Plan:
 def _planned(
     task: FlightTask, before: FlightRow | None, *, again: bool = False
 ) -> _Plan | None:
-    """Plan the steps of a flight whose inputs have changed; None if all results are up to
-    date.
-    """
+    """Plan a flight's steps with changed inputs; None if all results are up to date."""
     keys, whip_keys = step_keys(task)
     done = {} if before is None else read_keys(before.fingerprints)
     antenna = task.settings.antenna or (before.antenna if before is not None else "")

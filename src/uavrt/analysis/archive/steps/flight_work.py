@@ -47,8 +47,7 @@ class PlacingSettings(EstimationOptions):
     """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
-    """Name of an antenna pattern, path of a pattern file, or monopole; None for the antenna in
-    the drone's settings."""
+    """Antenna pattern, pattern file, or monopole; None: that in the drone's settings."""
     dem: str | None = None
     """Elevation file, or folder of such files; None assumes level ground."""
     sea: bool = False
@@ -116,9 +115,7 @@ class FlightTask:
     settings: PlacingSettings
 
     def packed(self) -> "FlightTask":
-        """Return a copy that contains the pulses, since workers read no Parquet files. Raises
-        `FormatError`.
-        """
+        """Copy with the pulses, as workers read no Parquet files. Raises `FormatError`."""
         return replace(
             self,
             searched=tuple(
@@ -133,9 +130,7 @@ class FlightTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> FlightResult | None:
-        """Attach poses to the pulses and run the requested steps; None if stopped before the
-        start.
-        """
+        """Attach poses and run the requested steps; None if stopped before the start."""
         if should_stop():
             return None
         began_s = time.process_time()
@@ -199,9 +194,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Return the whole-flight results of tags with a recorded channel, and the errors as text
-    or None.
-    """
+    """Whole-flight results of tags with a recorded channel; errors as text or None."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
@@ -231,9 +224,7 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """Attach poses to a task's pulses; return the flight if there is one, the pulses, and the
-    clock offset [s].
-    """
+    """Attach poses to a task's pulses; return flight or None, pulses, and clock offset [s]."""
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)

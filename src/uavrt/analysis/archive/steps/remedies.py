@@ -8,8 +8,7 @@ COLUMN_OF = {
     "--clock-offset": "clock_offset_s",
     "--vehicle": "vehicle",
 }
-"""Column of the manifest that corresponds to each option of the commands that read one
-recording."""
+"""Column of the manifest for each option of the commands that read one recording."""
 
 
 def by_manifest(text: str) -> str:

@@ -1,6 +1,4 @@
-"""Hash the inputs of each processing step, so that a step runs again only if its inputs have
-changed.
-"""
+"""Hash the inputs of each step, which runs again only if they have changed."""
 
 import hashlib
 import os
@@ -20,8 +18,7 @@ PLACING_STEPS = ("attach", "bearing", "localize")
 
 
 def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the hashes of the inputs of a flight's steps, once for a directional antenna and
-    once for a monopole.
+    """Hashes of the inputs of a flight's steps, for a directional antenna and a monopole.
 
     They depend on the flight's present files, its pulses and the settings.
     """
@@ -51,9 +48,7 @@ def step_keys(task: FlightTask) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def recorded_key(task: FlightTask) -> str:
-    """Return a hash of the files that contain a flight's pulses. Raises `OSError` if they
-    cannot be read.
-    """
+    """Hash of the files with a flight's pulses. Raises `OSError` if they cannot be read."""
     return _hashed([task.path], flight_files(task))
 
 
@@ -63,16 +58,12 @@ def key_of(path: str, keys: Mapping[str, str]) -> str:
 
 
 def tags_as_read(tags: Iterable[Tag]) -> list[str]:
-    """Sorted texts of tags as input of a hash; names are excluded because no result depends on
-    them.
-    """
+    """Sorted texts of tags for a hash, without names, on which no result depends."""
     return sorted(repr(replace(tag, name=None)) for tag in tags)
 
 
 def written(keys: Mapping[str, str]) -> str:
-    """Encode the hashes of steps as STEP=HASH, separated by commas; `read_keys` decodes
-    this.
-    """
+    """Encode steps' hashes as STEP=HASH, separated by commas; `read_keys` decodes them."""
     return ",".join(f"{step}={key}" for step, key in sorted(keys.items()))
 
 
@@ -82,9 +73,7 @@ def read_keys(text: str) -> dict[str, str]:
 
 
 def flight_files(task: FlightTask) -> list[Path]:
-    """Files that contain a flight's pulses and poses: database, write-ahead log and separate
-    track.
-    """
+    """Files with a flight's pulses and poses: database, write-ahead log, separate track."""
     layout = FlightLayout(Path(task.path))
     track = [] if task.track is None else [task.track]
     return [layout.database, layout.write_ahead_log, *track]

@@ -43,10 +43,7 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks in `workers` processes; yield the number and the result of each finished task.
-
-    If `workers` is 1, the tasks run in this process.
-    """
+    """Run tasks in `workers` processes (1: in this one); yield each number and result."""
     if workers <= 1:
         for number, task in enumerate(tasks):
             result = run_here(task, should_stop, on_done)
@@ -70,9 +67,7 @@ def run_tasks(
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Indices of the tasks that were not started, and of those that were running when a worker
-    crashed.
-    """
+    """Indices of the tasks not started, and of those running when a worker crashed."""
 
     undone: list[int]
     interrupted: list[int]
@@ -101,8 +96,7 @@ def run_in_pool(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Unfinished]:
-    """Run tasks in a pool; yield the number and result of each finished task, and return the
-    unfinished tasks.
+    """Run tasks in a pool; yield each number and result, and return the unfinished.
 
     When the run is to stop, running tasks are abandoned; the next run repeats them.
     """
@@ -144,9 +138,7 @@ def run_in_pool(
 
 
 def submitted(task: Task[R], pool: Workers) -> "Future[R | None]":
-    """Submit a task with the data that it needs; if the data cannot be loaded, its result is a
-    failure.
-    """
+    """Submit a task with its data; if the data cannot be loaded, its result is a failure."""
     try:
         return pool.submit(task.packed())
     except UavrtError as error:
@@ -232,9 +224,7 @@ def run_here(
 def run_safely(
     task: Task[R], should_stop: Callable[[], bool], on_done: Callable[[int], None]
 ) -> R | None:
-    """Run a task; an unexpected error becomes a failure as its result, so that the run
-    continues.
-    """
+    """Run a task; an unexpected error becomes a failure, so that the run continues."""
     try:
         return task.work(should_stop, on_done)
     except (MemoryError, ArithmeticError, LookupError, TypeError, ValueError) as error:

@@ -1,9 +1,7 @@
 """Measure the rate of other transmitters' bursts: recent strong cells that no track explains.
 
-The search reports all cells strong enough to be a pulse. Those that no tag's pulses explain are
-bursts of other transmitters, such as frequency hoppers, time slots or speech. Their rate gives
-the probability that a burst occurs where a tag's pulse is expected. In noise alone the rate is
-zero.
+The rate gives the probability that a burst of a frequency hopper, time slot or voice occurs
+where a tag's pulse is expected; in noise alone it is zero.
 """
 
 import math
@@ -100,10 +98,7 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of other transmitters' bursts around an expected pulse of a track.
-
-        The track's own pulses are excluded.
-        """
+        """Rates of others' bursts around a track's expected pulse, without the track's own."""
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET
@@ -230,10 +225,6 @@ class Bursts:
 
 
 def beyond_noise(count: int, expected: float) -> float:
-    """Number of bursts in excess of those expected from noise; 0 if it may be chance.
-
-    If every excess counted, half of the groups in which only one pulse is strong would not be
-    reported.
-    """
+    """Number of bursts beyond those expected from noise; 0 if the excess may be chance."""
     more = count - expected
     return more if more > BURSTS.noise_sigmas * expected**0.5 else 0.0

@@ -135,10 +135,8 @@ def _original(
 
 
 def _is_edges(one: _ReceivedTrain[H], other: _ReceivedTrain[H]) -> bool:
-    """True if a train is only the leakage of another train at a distant frequency.
-
-    The edges of a rectangular pulse have at most 1 / (pi df tp)^2 of its power. Trains within
-    the search band of the weaker tag are assigned by train_senders.py.
+    """True if a train is only the leakage of another train at a distant frequency: the edges of
+    a rectangular pulse have at most 1 / (pi df tp)^2 of its power.
     """
     if other.level < GHOSTS.edge_ratio * one.level or one.detector.may_be_at(
         other.frequency_hz

@@ -49,10 +49,8 @@ def best_assignment(able: Sequence[Mapping[int, float]]) -> list[int | None]:
 
 
 class _AssignmentSoFar:
-    """Best assignment of the trains added so far.
-
-    Each tag has a price, the dual variable: with prices deducted, no train gains by another
-    tag or by none.
+    """Best assignment of the trains added so far. Each tag has a price, the dual variable: with
+    prices deducted, no train gains by another tag or by none.
     """
 
     def __init__(self, able: Sequence[Mapping[int, float]]) -> None:
@@ -132,10 +130,8 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Smallest loss of value, by pair of trains, if the first gets the tag of the second.
-
-    The last row and column represent unassigned tags and trains without a tag. A loss may
-    include further changes of tags.
+    """Smallest loss of value, by pair of trains, if the first gets the tag of the second, with
+    further changes; last row and column: unassigned tags, trains without a tag.
     """
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)

@@ -1,8 +1,7 @@
 """Merge tracks of several detectors into trains: the pulses of one transmitter.
 
-Tracks of detectors with overlapping bands are merged if they have pulses in common. The train
-is described by the track that explains most pulses, because a track with only one of three
-expected pulses may have another interval, or belong to several trains.
+Tracks with common pulses are merged. The one that explains most pulses describes the train,
+since a track of one in three may have another interval.
 """
 
 import math
@@ -123,10 +122,8 @@ class KnownPulse:
 
 
 def merge_tracks(detectors: Iterable[H]) -> list[Train[H]]:
-    """Merge tracks with the same pulses into trains, each of one transmitter.
-
-    Tracks are taken in order of evidence per second, so that a tag's track comes before a track
-    of twice its interval.
+    """Merge tracks with the same pulses into trains, in order of evidence per second, so that a
+    tag's track comes before one of twice its interval.
     """
     trains: list[Train[H]] = []
     near: dict[int, list[tuple[H, Track, int]]] = {}

@@ -42,9 +42,8 @@ def motion_request(
 
 
 async def request_motion(link: GroundLink, request: MotionRequest) -> MotionState:
-    """Request a motion; return the order that the drone proposes. Nothing moves yet.
-
-    Raises `CommandRefused` if the drone refuses, or `LinkError` without an answer.
+    """Request a motion; return the order that the drone proposes. Nothing moves yet. Raises
+    `CommandRefused` if the drone refuses, or `LinkError` without an answer.
     """
     return await link.motion(encode_request(request), request.request_id)
 
@@ -73,8 +72,6 @@ async def confirm(link: GroundLink, offer: MotionState, *, sticks_unseen: bool) 
 
 
 async def stop(link: GroundLink) -> MotionState:
-    """Stop the drone and end its control by uavrt. If this raises an error, a pilot must stop
-    the drone.
-    """
+    """Stop the drone and uavrt's control of it; if this raises, a pilot must stop the drone."""
     number = new_number()
     return await link.motion(encode_stop(MotionStop(request_id=number)), number)

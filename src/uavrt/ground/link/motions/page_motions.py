@@ -1,7 +1,5 @@
-"""Request, confirm and stop motions of the drone for the page.
-
-The drone decides, and reports what it would fly; this module only passes messages. Previews use
-the drone's own planning functions.
+"""Request, confirm and stop motions of the drone for the page. The drone decides and reports
+what it would fly; previews use its own planning functions.
 """
 
 import asyncio
@@ -38,8 +36,7 @@ from uavrt.guidance.safety import SAFETY
 from uavrt.link.tunnel.own_messages.motion_messages import MAX_PLACES, MotionState
 
 SILENCE_NS = ns_from_s(6.0)
-"""Time without the drone's report after which its motion counts as unknown [ns]; the drone
-reports once a second."""
+"""Time without a report after which a drone's motion is unknown [ns]; it sends one a second."""
 OFFER_NS = ns_from_s(SAFETY.offer_holds_s)
 """Time for which the drone waits for the confirmation of a proposed motion [ns]."""
 PATTERNS = ("lines", "around", "points")

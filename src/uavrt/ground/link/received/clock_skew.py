@@ -21,9 +21,7 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Add the delay of a pulse [ns]; return a message when an offset is found first, else
-        None.
-        """
+        """Add a pulse's delay [ns]; return a message when an offset is first found."""
         self._delays += 1
         least_ns = self._least_delay_ns
         self._least_delay_ns = delay_ns if least_ns is None else min(delay_ns, least_ns)

@@ -27,11 +27,9 @@ log = get_logger()
 LATE_PULSES_NS = 5 * NANOSECONDS_PER_SECOND
 """Margin after a stop of detection [ns]. Pulses that begin later belong to the next flight."""
 COMMIT_S = 0.15
-"""Interval between two writes of received pulses to the disk [s]; receipts follow each write.
-"""
+"""Interval between writes of received pulses to the disk [s]; each is followed by receipts."""
 BATTERY_STEP_PERCENT = 5
-"""Change of the battery charge that is written to the flight [%]; the charge at the start is
-also written."""
+"""Change of the battery charge that is recorded [%]; the charge at the start is, too."""
 ENDS_WITHIN_S = 10.0
 """Longest wait for a slow disk to write the flight when the session ends [s]."""
 _PAST_FLIGHTS = 10

@@ -12,10 +12,7 @@ from uavrt.ground.link.received.clock_skew import ClockSkew
 
 
 class DroneReports:
-    """Latest reports of a drone.
-
-    `now_ns`: time from which the time without contact is counted.
-    """
+    """Latest reports of a drone; until the first, contact is lost since `now_ns`."""
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None
@@ -60,9 +57,7 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """True if a pulse train was measured before this station corrected the tag's list
-        entry.
-        """
+        """True if a pulse train was measured before this station corrected its list entry."""
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections
@@ -104,9 +99,7 @@ class DroneReports:
         self.sent_tags = tags
 
     def tags_accepted(self, tags: tuple[Tag, ...]) -> None:
-        """Set the tags that the drone has just accepted, before its next heartbeat reports
-        them.
-        """
+        """Set the tags that the drone just accepted, before a heartbeat reports them."""
         self.sent_tags = tags
         if self.state is not None:
             self.state = SystemState.HAS_TAGS

@@ -18,10 +18,7 @@ NUMBERED_FROM = 2**31
 
 
 class CommandEncoder:
-    """Encodes commands for one protocol version of the drone.
-
-    In version G2 each command gets a request id, never 0.
-    """
+    """Encodes commands for one protocol version; in G2 each has a request id, never 0."""
 
     def __init__(self, generation: Generation) -> None:
         self._generation: Generation = generation
@@ -29,10 +26,8 @@ class CommandEncoder:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Encode the messages of a tag upload, in order; raises `LinkError` if impossible.
-
-        The first message begins the upload, each tag has one, and the last ends it. A coded
-        tag's message has type `CODED_TAG_TYPE`, all others type 0.
+        """Encode the messages of a tag upload, in order: begin, each tag, end; `LinkError` if
+        impossible. A coded tag's message has type `CODED_TAG_TYPE`, all others type 0.
         """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
@@ -112,9 +107,7 @@ class CommandEncoder:
         return FieldsG1.of(number, values).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Return a command's number in the drone's protocol version; `LinkError` if it has
-        none.
-        """
+        """Command's number in the drone's protocol version; `LinkError` if it has none."""
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:

@@ -20,8 +20,7 @@ from uavrt.link.mavlink.services.parameter_service import decode_value
 
 TRIES = 5
 QUIET_S = 0.5
-"""Time without a parameter value after which missing parameters are requested again [s]; values
-arrive 20 ms apart."""
+"""Time without a value after which missing parameters are requested [s]; usual gap: 20 ms."""
 
 
 class DroneParameters:
@@ -118,9 +117,7 @@ class DroneParameters:
         return self._protocol.drone
 
     def _missing(self, drone: Peer) -> list[Message]:
-        """Make requests for the parameters that have not arrived; authenticated if there is a
-        key.
-        """
+        """Requests for the parameters that have not arrived; authenticated if a key is set."""
         sealed = self._protocol.sealed_parameter
         if self._count is None:
             return [sealed("", math.nan) or dialect.ParamRequestList(**drone.address)]

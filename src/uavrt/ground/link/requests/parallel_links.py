@@ -1,9 +1,7 @@
 """Use several links to a drone at once: radio, Wi-Fi and cable.
 
-Heartbeats are sent on all links, so that the drone learns every link. The drone sends each
-pulse on one link. Our messages use the link on which a message of the drone arrived last, in
-the given order of preference. Sessions for several drones share the links: each session
-receives every frame and selects those of its drone.
+Heartbeats go out on all links, a drone's pulse on one, and our messages on that of the drone's
+last message. Sessions for several drones share the links; each selects the frames of its drone.
 """
 
 import asyncio
@@ -32,10 +30,7 @@ Listener = Callable[[Frame, int], None]
 
 
 class Links:
-    """The links of a ground station.
-
-    `signing`: signs frames, with a different signing link id for each link.
-    """
+    """The links of a ground station; `signing` signs frames, with an id for each link."""
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -116,10 +111,7 @@ class Links:
 
 
 class DroneLinks:
-    """The links to one drone.
-
-    `links`: links shared with other drones; None: links of its own.
-    """
+    """The links to one drone; `links`: shared with other drones, None: its own."""
 
     def __init__(
         self,
@@ -137,8 +129,7 @@ class DroneLinks:
         self._pulses_by = 0
         self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
-        """For each system id: index of the link whose autopilot frames are used, and time of
-        the last [ns]."""
+        """By system id: index of the link whose autopilot frames are used, last time [ns]."""
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -146,9 +137,7 @@ class DroneLinks:
         return self._shared.open_ones if self._joined else ()
 
     async def open(self, addresses: Sequence[str]) -> list[asyncio.Task[None]]:
-        """Open all links, or use those of another session; return the tasks that retry failed
-        links.
-        """
+        """Open all links, or use another session's; return the tasks that retry failed ones."""
         self._shared.listen(self._receive)
         opening = await self._shared.open(addresses) if addresses else []
         self._joined = True
@@ -174,9 +163,7 @@ class DroneLinks:
             self._shared.write(message, number)
 
     def best(self) -> list[int]:
-        """Indices of the links in the order in which to try them; links with the drone come
-        first.
-        """
+        """Indices of the links in the order to try them: those with the drone first."""
         now_ns = self._clock_ns()
         return sorted(
             range(max(1, self._shared.count)),

@@ -21,8 +21,7 @@ TRIES = 4
 STOP_WAIT_S = 0.4
 """Time after which an unanswered stop is sent again [s]; an answer over a radio takes 0.3 s."""
 CONFIRM_TIMEOUT_NS = ns_from_s(1.0)
-"""Longest delay between the operator's confirmation and its sending [ns]; after it, the
-confirmation is not sent."""
+"""Longest delay from the operator's confirmation to its sending [ns]; later it is not sent."""
 
 
 class Exchange:
@@ -40,8 +39,7 @@ class Exchange:
         self._clock_ns = clock_ns
         self._ack_wait_s = ack_wait_s
         self._awaited: dict[tuple[int, int] | int, asyncio.Future[Any]] = {}
-        """Expected answers. Keys: number and request id of a command, or request id of a motion
-        order."""
+        """Expected answers by command number and request id, or by a motion's request id."""
         self._busy = asyncio.Lock()
 
     def receive(self, event: GroundEvent) -> None:
@@ -81,10 +79,9 @@ class Exchange:
         return ack
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send a motion order, a confirmation or a stop; return the drone's answer.
-
-        An order and a stop are repeated until they are answered. A confirmation is sent once,
-        since its nonce is valid once. A stop does not wait for other exchanges.
+        """Send a motion order, a confirmation or a stop; return the drone's answer. A
+        confirmation is sent once, as its nonce is valid once; the others until they are
+        answered. A stop does not wait.
         """
 
         def send(_attempt: int) -> None:
@@ -117,9 +114,7 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Send a payload until it is answered; return the number of repetitions and the answer,
-        or None.
-        """
+        """Repeat a payload until it is answered; return repetitions and answer, or None."""
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

@@ -1,8 +1,7 @@
 """Select the vehicle that a ground station serves. No I/O.
 
-One radio may carry several vehicles. The first one with uavrt's drone side is selected, by its
-system id and its autopilot's unique number. It stays selected through any silence until the
-operator selects another. A station that switched by itself would command, locate and record the
+The first one with uavrt's drone side is selected, by system id and its autopilot's number,
+through any silence until the operator selects another; otherwise the station could command the
 wrong vehicle.
 """
 
@@ -13,8 +12,7 @@ from uavrt.link.mavlink import dialect
 DRONE_COMPONENT = 191
 """MAVLink component id of uavrt's drone side."""
 FOREIGN_NS = ns_from_s(60.0)
-"""Time for which another autopilot's unique number is remembered [ns]; the autopilot is queried
-three times within it."""
+"""Time to remember another autopilot's number [ns]; it is queried three times within it."""
 MAX_OTHERS = 16
 JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 """Two stations share one number if the position jumps by `JUMP_M` [m] and returns within
@@ -22,9 +20,7 @@ JUMP_M, RETURN_M, JUMPS = 40.0, 15.0, 4
 
 
 class VehicleIdentity:
-    """Identifies the served vehicle by number or autopilot, and lists other vehicles on the
-    link.
-    """
+    """Identifies the served vehicle by number or autopilot, and lists others on the link."""
 
     def __init__(self, system_id: int | None = None, uid: str | None = None) -> None:
         self.system_id = system_id
@@ -43,9 +39,7 @@ class VehicleIdentity:
         self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
-        """Handle a heartbeat; True if it is from the served vehicle, by default the first
-        found.
-        """
+        """Handle a heartbeat; True if from the served vehicle, by default the first found."""
         if self.system_id is None and system_id not in self.excluded:
             self.system_id = system_id
         if system_id == self.system_id:
@@ -65,9 +59,7 @@ class VehicleIdentity:
             self._foreign_ns = now_ns
 
     def receive_position(self, place: tuple[float, float], now_ns: int) -> None:
-        """Add a position of a station without an autopilot, to detect two stations with one
-        number.
-        """
+        """Add a position of a station without autopilot, to detect two with one number."""
         if self._places.add(place):
             self._foreign_ns = now_ns
 

@@ -102,9 +102,7 @@ class VehicleMissions:
         limits: Limits,
         call: Callable[..., Awaitable[Any]] = asyncio.to_thread,
     ) -> Uploaded:
-        """Upload a survey that stays inside the geofence; `call` runs the path check in a
-        thread.
-        """
+        """Upload a survey inside the geofence; `call` runs the path check in a thread."""
         await call(survey_items, order, limits)  # what is none needs no vehicle to be refused
         self._check_mode(self._vehicle()[1])
         home, fence = await self.home(), await self.fence()

@@ -1,8 +1,7 @@
 """Limit the page's open connections: per client, and those without a request.
 
-The page shares its process with the drone's link and the flight's files. So its connections may
-use only part of the file descriptors, and each client only part of those. A connection without
-a complete request is closed within seconds. A client's new connection beyond its limit closes
+The page shares file descriptors with the drone's link and the flight's files. A connection
+without a complete request is closed within seconds; a new one beyond a client's limit closes
 its oldest idle one.
 """
 
@@ -23,8 +22,7 @@ MOST_BY_CLIENT = 64
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Divisor of the number of file descriptors: connections may use a quarter of them, so that
-link and flight files always get some."""
+"""Divisor of the file descriptors for connections, so that links and flights get some."""
 _AT_ONCE = 16
 """Maximum number of connections accepted in one turn of the event loop."""
 

@@ -1,9 +1,8 @@
 """Restrict the server to this machine's own page and scripts; refuse other web sites.
 
-A web site that is open in the same browser must not reach the drone. It could send requests to
-this server (cross-site request forgery) or point its own name at this machine (DNS rebinding).
-So a request's host must be one of ours, and an origin sent by a browser must be the same host
-and port. Scripts send no origin and pass. Requests that use the drone's radio must be POST.
+A site open in the same browser could send requests here (cross-site request forgery) or point
+its name at this machine (DNS rebinding). So a request's host must be ours, and an origin, which
+scripts do not send, the same host and port. Requests by radio must be POST.
 """
 
 import hmac

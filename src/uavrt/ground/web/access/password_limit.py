@@ -15,10 +15,8 @@ digits (36⁸) last 4 years."""
 
 
 class PasswordLimit:
-    """Limits wrong passwords to five a minute per address, never the right one.
-
-    The right password is never delayed by other addresses' guesses. A browser with the cookie
-    needs no password.
+    """Limits wrong passwords to five a minute per address, never the right one, however many
+    others guess; a browser with the cookie needs none.
     """
 
     def __init__(self, now_s: Callable[[], float] = monotonic_s) -> None:

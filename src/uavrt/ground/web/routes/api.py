@@ -33,8 +33,7 @@ from uavrt.ground.web.work.serial_ports import serial_ports
 from uavrt.localization.antenna import MONOPOLE, PATTERNS
 
 FOR_ALL = ("mark", *(button.action for button in BUTTONS if button.any_page))
-"""Commands that every page may send, even one that only watches: a stop is urgent, and a mark
-is harmless."""
+"""Commands allowed to every page: stops, which are urgent, and marks, which are harmless."""
 
 
 class Api:

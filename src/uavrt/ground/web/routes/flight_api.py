@@ -14,13 +14,7 @@ from uavrt.ground.store.estimates import AntennaChoice, Estimates, Estimator
 from uavrt.ground.store.ground_settings import GroundStore
 from uavrt.ground.store.stored_flights import PULSE_COLUMNS, FlightLibrary
 from uavrt.ground.store.tag_table import rows_from_tags
-from uavrt.ground.web.routes.routing import (
-    Answer,
-    Row,
-    download,
-    json_object,
-    whole_number,
-)
+from uavrt.ground.web.routes.routing import Answer, Row, download, json_object, whole_number
 from uavrt.ground.web.work.column_answers import POSE_COLUMNS, chosen_columns, thinned
 from uavrt.ground.web.work.exports import EXPORTS, export
 from uavrt.ground.web.work.flight_maps import (
@@ -103,9 +97,7 @@ class FlightApi:
         return await self._of(request, self._library.records, after, limit)
 
     async def columns(self, request: Request) -> Any:
-        """Return pulses as float64 columns named in a header; ``?names=tag_id,yaw_deg``
-        selects.
-        """
+        """Pulses as float64 columns named in a header; ``?names=tag_id,yaw_deg`` selects."""
         names = request.query_params.get("names")
         return await self._of(
             request,

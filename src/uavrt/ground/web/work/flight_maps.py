@@ -1,7 +1,5 @@
-"""Results for a whole flight after its end: tags found in its samples, and coverage maps.
-
-The results come from the functions of ``uavrt integrate`` and ``uavrt coverage``. `map_jobs`
-computes the coverage map; the page requests it again until it is ready.
+"""Results for a whole flight after its end, by ``uavrt integrate`` and ``uavrt coverage``: tags
+found in its samples, and coverage maps, which `map_jobs` computes.
 """
 
 import math

@@ -1,7 +1,5 @@
-"""Run ``uavrt integrate`` on whole flights for the page.
-
-A run uses a core for up to a minute and up to a gigabyte of memory. It is a separate process,
-so that it does not slow down the ground station.
+"""Run ``uavrt integrate`` on whole flights for the page, in a process of its own, as it uses a
+core for a minute and up to a gigabyte.
 """
 
 import asyncio
@@ -32,9 +30,7 @@ class IntegrationJobs:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start the search of a flight, or return its progress; an empty `dem` means level
-        ground.
-        """
+        """Start the search of a flight, or return its progress; no `dem`: level ground."""
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_run_integrate(flight, dem))

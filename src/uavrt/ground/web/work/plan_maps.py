@@ -12,13 +12,7 @@ from uavrt.core.errors import FormatError, NotFound, UsageError
 from uavrt.core.messages import Tag
 from uavrt.ground.link.page_values import number_between, places_in, power_in, whole_in
 from uavrt.ground.store.estimates import AntennaChoice
-from uavrt.ground.web.work.map_jobs import (
-    MapJobs,
-    OnStep,
-    Record,
-    figures,
-    map_record,
-)
+from uavrt.ground.web.work.map_jobs import MapJobs, OnStep, Record, figures, map_record
 from uavrt.localization.antenna import pattern_named
 from uavrt.localization.terrain.elevation_files import open_elevation
 from uavrt.planning.detectability.link_budget import LinkBudget
@@ -34,8 +28,7 @@ _MOST_PLACES, _MOST_CORNERS, _MOST_HEIGHTS, _MOST_LINES = 2000, 500, 5, 1000
 _FARTHEST_M = 50_000.0
 """Largest distance of a plan's points from its first point [m]."""
 _MOST_CELLS = 45_000
-"""Maximum number of cells of a map. Maps below the limit have cells of 20 m and a margin of 2
-km, as in `uavrt coverage`."""
+"""Maximum number of a map's cells; smaller maps have 20 m cells and a margin of 2 km."""
 _MOST_PULSES = 20_000
 """Maximum number of simulated pulses for the maps of all heights; more would take minutes."""
 

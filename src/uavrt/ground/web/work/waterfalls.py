@@ -1,9 +1,8 @@
 """Waterfall of a channel, from samples in a flight directory or live from a UDP port.
 
-The radio link is far too slow for samples. A waterfall therefore needs samples on this
-computer. One source is a recording in a flight's ``iq/``: downloaded, copied, or made by
-``uavrt run --ground``. The other is channels that the drone sends as datagrams
-(``[udp_channels]``): over a fast link, or over the loopback if the page runs on the drone.
+The radio link is too slow for samples, so they are a recording in a flight's ``iq/``, or
+channels that the drone sends as datagrams (``[udp_channels]``) over a fast link or the
+loopback.
 """
 
 import asyncio
@@ -44,8 +43,7 @@ LOWEST_DB, SPAN_DB = -3.0, 33.0
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Number of 10 ms frames in one column of a live waterfall, which shows their maximum; 12.5
-columns a second."""
+"""Number of 10 ms frames whose maximum is one column of a live waterfall; 12.5 a second."""
 NOISE_COLUMNS = 60
 
 
