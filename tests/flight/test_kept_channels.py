@@ -19,7 +19,7 @@ from uavrt.simulation.scene.scenario import Radio, Scenario, SimulatedTag
 from uavrt.simulation.scene.world import World
 
 RATE_HZ = 375_000.0
-"""Of the band that 3 MS/s are decimated to: its channels are the same, for an eighth of the work."""
+"""Rate of the band to which 3 MS/s are decimated: the same channels, an eighth of the work."""
 CHANNEL_RATE_HZ = 7500.0
 LEVEL_DB = 5.5
 """Of a pulse on boresight: half of the groups of three need 9.7 dB while turning.
