@@ -86,6 +86,7 @@ def slowness_of_the_radio(counters: dict[str, float]) -> float:
     return took_s * RATE_HZ / (counters["samples"] + counters["samples_lost"])
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(480)
 def test_weak_tags_are_told_in_flight_and_found_from_the_channels_that_the_drone_kept(
     drone_bay: Any, tmp_path: Path

@@ -31,7 +31,7 @@ from uavrt.simulation.scene.scenario_file import write_scenario
 from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt_experiments.resources.usage import pss_mb
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 KILLS = int(os.environ.get("UAVRT_KILLS", "1"))
 GUIDE_MB = 80.0
 VICTIMS = ("guide", "connection", "supervisor")
