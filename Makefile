@@ -51,7 +51,7 @@ flights: $(STAMP)       ## all other flights in real time, and the page in a bro
 
 claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, all seeds, new random examples, emulated ARM
 	UAVRT_ALL_SEEDS=1 UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 \
-	  $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit
+	  $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit tests/flight/test_stops.py
 
 claims-status: $(STAMP) ## which tables of results are older than the code that they speak of
 	-$(BIN)/python -m uavrt_experiments.measured
