@@ -41,17 +41,17 @@ unit: $(STAMP)          ## all unit tests
 
 # Real time is mostly waiting: more workers than cores.
 system: $(STAMP)        ## tests with sockets, programs and threads in real time
-	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/system
+	$(PYTEST) -n 4 --dist loadfile -m "not full_rate" tests/system
 
 full-rate: $(STAMP)     ## flights and radios that need a core of their own
 	$(PYTEST) -m full_rate tests/flight tests/system/radio
 
 flights: $(STAMP)       ## all other flights in real time, and the page in a browser
-	$(PYTEST) -n 3 --dist loadfile -m "not full_rate" tests/flight
+	$(PYTEST) -n 4 --dist loadfile --no-loadscope-reorder -m "not full_rate" tests/flight
 
 claims: $(STAMP) browser disk-tools radio-tools  ## hours: campaigns, guides word by word, all seeds, new random examples, emulated ARM
 	UAVRT_ALL_SEEDS=1 UAVRT_NEW_EXAMPLES=1 UAVRT_DEPTH=12 UAVRT_LINK_DEPTH=8 UAVRT_LINK_TRIALS=200 \
-	  $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit
+	  $(PYTEST) -n 2 --dist loadfile tests/claims tests/unit tests/flight/test_stops.py
 
 claims-status: $(STAMP) ## which tables of results are older than the code that they speak of
 	-$(BIN)/python -m uavrt_experiments.measured

@@ -675,7 +675,7 @@ def read_shape(path: Path) -> object:
     from uavrt.analysis.covered.coverage_maps import read_places
     from uavrt.config.text_files import read_text
     from uavrt.core.foreign import SHAPES
-    from uavrt.ground.link.motions.page_motions import area_of_file
+    from uavrt.ground.link.motions.area_files import area_of_file
     from uavrt.guidance.files.area_text import keep_out_in
 
     text = read_text(path, SHAPES)

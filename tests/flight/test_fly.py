@@ -29,7 +29,7 @@ from uavrt.simulation.scene.scenario import Scenario
 from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt.simulation.vehicle.simulated_flying import MODES
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 OURS = "1/191"
 TURN = ("rotate", "--seconds", "12")
 SILENT_S = 4.5

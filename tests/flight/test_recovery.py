@@ -10,7 +10,7 @@ from uavrt_experiments.resources.report import SAMPLES_LIMIT_MB_H, WRITTEN_LIMIT
 from uavrt_experiments.resources.run import Plan as ResourcePlan
 from uavrt_experiments.resources.run import run_resources
 
-pytestmark = pytest.mark.timeout(400)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
 
 def test_every_process_the_supervisor_and_the_power_may_go_and_no_pulse_is_lost(

@@ -24,12 +24,14 @@ from uavrt.core.earth.geodesy import distance_m
 from uavrt.core.messages import SearchNote
 from uavrt.flight.reading.flight_reader import read_search_notes
 from uavrt.simulation.scene.antenna import Antenna
+from uavrt.simulation.scene.demo_world import search_scenario
 from uavrt.simulation.scene.flight import Flight
 from uavrt.simulation.scene.scenario import Radio, Scenario
+from uavrt.simulation.scene.scenario_file import write_scenario
 from uavrt.simulation.vehicle.airframe import Flavour
 from uavrt_experiments.resources.usage import pss_mb
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 KILLS = int(os.environ.get("UAVRT_KILLS", "1"))
 GUIDE_MB = 80.0
 VICTIMS = ("guide", "connection", "supervisor")
@@ -57,7 +59,11 @@ def searching(bay: DroneBay, flavour: Flavour, work: Path) -> Field:
 
 def test_demos_say_that_a_search_was_cut_short(tmp_path: Path) -> None:
     """One drone, and at the same time two that search together at one ground station."""
-    words = ("demo", "--search", "--json", "--duration", "12", "--flight-dir")
+    world = search_scenario(1)
+    slower = replace(world, radio=replace(world.radio, sample_rate_hz=FLIGHT_RATE_HZ))
+    write_scenario(slower, tmp_path / "world.toml")
+    words = ("demo", "--search", "--json", "--duration", "12")
+    words += ("--scenario", str(tmp_path / "world.toml"), "--flight-dir")
     runs = ((tmp_path / "one",), (tmp_path / "two", "--drones", "2"))
     with ThreadPoolExecutor() as pool:
         one, two = pool.map(lambda more: started(*words, *more, timeout=200), runs)

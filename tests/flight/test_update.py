@@ -26,7 +26,7 @@ from uavrt.simulation.demo.demo_programs import free_udp_port
 from uavrt.simulation.scene.demo_world import demo_scenario
 from uavrt.simulation.scene.scenario_file import write_scenario
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
 STARTED = '{"event": "started"'
 RESTART = f"""\

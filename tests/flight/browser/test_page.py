@@ -61,7 +61,7 @@ NOW = "() => window.uavrt.store.pulseNowNs()"
 TIMEOUT_S = 1500 if VIDEO else 400
 """A browser that is filmed on two busy cores takes its time, and then the film is encoded."""
 
-pytestmark = pytest.mark.timeout(TIMEOUT_S)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(TIMEOUT_S)]
 
 
 def fall_silent(page: Page, radio: QuietRadio) -> None:

@@ -12,7 +12,7 @@ from tests.system.browser.test_page_hands import TARGETS
 
 from uavrt.config.settings import GuidanceSettings
 
-pytestmark = pytest.mark.timeout(900 if VIDEO else 240)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900 if VIDEO else 240)]
 OURS = "1/191"
 FOUND_MS = 200_000
 """In which the animal is found."""

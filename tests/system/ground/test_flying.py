@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from uavrt.core.errors import FormatError
-from uavrt.ground.link.motions.page_motions import area_of_file
+from uavrt.ground.link.motions.area_files import area_of_file
 
 
 @pytest.mark.parametrize(

@@ -55,3 +55,8 @@ def places_in(given: Any) -> Places:
                     continue
         raise FormatError("each place must be a latitude and a longitude on earth")
     return tuple(places)
+
+
+def listed(places: Places) -> list[list[float]]:
+    """Return places as the lists that `places_in` reads."""
+    return [list(place) for place in places]

@@ -20,15 +20,9 @@ from uavrt.ground.link.motions.motion_requests import (
     request_motion,
     stop,
 )
-from uavrt.ground.link.page_values import Places, number_in, places_in
+from uavrt.ground.link.page_values import Places, listed, number_in, places_in
 from uavrt.ground.link.served_vehicle import ServedVehicle
-from uavrt.guidance.files.area_text import (
-    MOST_CORNERS,
-    MOST_KEEP_OUT,
-    area_in,
-    circle,
-    keep_out_in,
-)
+from uavrt.guidance.files.area_text import MOST_CORNERS, MOST_KEEP_OUT
 from uavrt.guidance.files.mission import NOT_CHECKED_ABOARD, survey_items
 from uavrt.guidance.operator_orders import Limits, Order
 from uavrt.guidance.plans import survey_places
@@ -106,7 +100,7 @@ class MotionCommands:
             "standing": state.standing,
             "text": with_names(state.text, tags),
             "heard": heard,
-            "way": [] if self._flown is None else _listed(self._flown.path),
+            "way": [] if self._flown is None else listed(self._flown.path),
             "offer": None
             if offered is None
             else {
@@ -114,7 +108,7 @@ class MotionCommands:
                 "text": with_names(offered.state.text, tags),
                 "page": offered.page,
                 "left_s": (OFFER_NS - (now_ns - offered.time_ns)) / NANOSECONDS_PER_SECOND,
-                "way": _listed(offered.path),
+                "way": listed(offered.path),
             },
         }
 
@@ -123,7 +117,7 @@ class MotionCommands:
         path = self._planned_path(_request(body))
         home = self._home()
         return {
-            "way": _listed(path),
+            "way": listed(path),
             "length_m": _length_m(path),
             "farthest_m": None
             if home is None
@@ -140,7 +134,7 @@ class MotionCommands:
         self._offered = ProposedMotion(state=offer, path=path, time_ns=now_ns, page=page)
         self._vehicle.feed.note(6, f"the drone proposes to {offer.text}")
         self._vehicle.feed.send_state()
-        return {"order_id": offer.order_id, "text": offer.text, "way": _listed(path)}
+        return {"order_id": offer.order_id, "text": offer.text, "way": listed(path)}
 
     async def confirm(self, body: dict[str, Any], page: str | None) -> dict[str, Any]:
         """Confirm the proposed order that the page shows; the drone then moves."""
@@ -224,43 +218,6 @@ class MotionCommands:
         return ()
 
 
-def area_of_file(body: dict[str, Any]) -> dict[str, Any]:
-    """Read a file's area, ``{"name": …, "text": …}``, or a circle; raises `FormatError`."""
-    if "radius_m" in body:
-        (center,) = places_in([body.get("center")])
-        places = circle(center, number_in(body, "radius_m"))
-        return {"places": _listed(places), "keep_out": []}
-    name, text = body.get("name"), body.get("text")
-    if not isinstance(name, str) or not isinstance(text, str):
-        raise FormatError(
-            "an area must have the name and the text of a file, or a center and a radius_m"
-        )
-    places, keep_out = area_in(text, name[:80]), keep_out_in(text, name[:80])
-    if len(places) > MAX_PLACES:
-        raise FormatError(
-            f"{name[:80]} has {len(places)} corners; at most {MAX_PLACES} are allowed",
-            remedy=f"Draw an outline of {MAX_PLACES} corners or fewer",
-        )
-    if sum(len(one.places) for one in keep_out) > 2 * MOST_CORNERS:
-        raise FormatError(
-            f"{name[:80]} has excluded areas with more than {2 * MOST_CORNERS} corners",
-            remedy="Simplify these areas, so that they have fewer corners",
-        )
-    return {
-        "places": _listed(places),
-        "keep_out": [
-            {
-                "places": _listed(one.places),
-                "radius_m": one.radius_m,
-                "outline": _listed(
-                    one.places if one.radius_m is None else circle(one.places[0], one.radius_m)
-                ),
-            }
-            for one in keep_out
-        ],
-    }
-
-
 def _request(body: dict[str, Any]) -> MotionRequest:
     """Parse a motion request of the page; raises `FormatError` or `UsageError`."""
     height = body.get("height_m")
@@ -316,10 +273,6 @@ def _tags(given: Any) -> tuple[int, ...]:
     if isinstance(given, list) and all(type(one) is int for one in given):
         return tuple(given)
     raise FormatError("tags must be whole numbers")
-
-
-def _listed(places: Places) -> list[list[float]]:
-    return [list(place) for place in places]
 
 
 def _length_m(path: Places) -> float:

@@ -4,7 +4,7 @@ from typing import Any
 
 from uavrt.core.errors import FormatError
 from uavrt.core.foreign import REQUEST, UPLOADED_FILE, Limit, read_json
-from uavrt.ground.link.motions.page_motions import area_of_file
+from uavrt.ground.link.motions.area_files import area_of_file
 from uavrt.ground.store import tag_table
 
 
