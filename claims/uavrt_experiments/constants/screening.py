@@ -42,7 +42,7 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
             "drift_span_deg",
             "radius_m",
         ),
-        "TURNS, height": ("climb_m", "ground_m"),
+        "TURNS, height": ("height_error_m",),
     },
     "COMMON": {
         "COMMON, wrong compass": ("wrong_compass_share", "wrong_compass_deg"),
@@ -68,7 +68,6 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
             "drift_independent_slots",
         ),
         "SEARCH, strong pulses": (
-            "loud_share",
             "loud_hypotheses",
             "same_marks_share",
             "middle_weight",
