@@ -31,7 +31,7 @@ def constants(
     only
         Groups, records or constants, e.g. TRACK,COMMON.contradiction; by default all.
     judges
-        Only simulations whose names begin so, e.g. "turn,six bearings".
+        Only simulations whose names begin so, e.g. "turn;six bearings".
     singly
         Change constants one by one from the beginning.
     output
@@ -51,7 +51,7 @@ def constants(
             remedy=f"Choose from {', '.join(screening.groups())}",
         )
     measured = measured_now(("localization",))
-    names = () if judges is None else judges.split(",")
+    names = () if judges is None else judges.split(";")
 
     def shown(one: screening.Screened) -> None:
         print(f"{one.name}: {one.verdict}", *one.largest(3), sep="\n    ", file=sys.stderr)

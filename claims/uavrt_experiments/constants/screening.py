@@ -86,7 +86,6 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
         "PLACE, reported position": ("density_power", "alone"),
         "PLACE, rates": ("rate_change", "stray_share", "noise_share"),
     },
-    "BURSTS": {"BURSTS, other senders": ("sender_sigmas", "sender_share", "beside_s")},
 }
 """Related constants of large records, by the name of their group."""
 Outcomes = dict[str, list[dict[str, float]]]

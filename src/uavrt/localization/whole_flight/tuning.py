@@ -260,11 +260,8 @@ class BurstTuning:
     # Scatter of pulses in one burst, and over all, beyond noise, as shares of the mean.
     burst_scatter: float = 0.25
     mean_scatter: float = 0.1
-    # Another sender: standard deviations of its sum, and share of the largest sum.
     sender_sigmas: float = 4.5
-    sender_share: float = 0.15
-    beside_s: float = 0.005
-    """Margin on both sides of a burst that is considered part of it [s]."""
+    """Minimum sum of another sender's pulses [standard deviations of the sums]."""
 
 
 ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()
