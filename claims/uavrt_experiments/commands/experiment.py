@@ -7,6 +7,7 @@ from cyclopts import App
 EXPERIMENTS = {
     "autopilots": "Rehearse every order and takeover on the autopilots that will fly.",
     "capacity": "Packet loss in an autopilot's forwarding, 0 to 10 ms apart (thesis §5.4).",
+    "constants": "Change the estimators' constants by 30 %: which ones change a result?",
     "coverage": "Check maps of silence: are areas as empty as the map says?",
     "detection": "Compare the detector with its target figures, the original and theory.",
     "integrate": "Judge whole flights: false alarms, range, place and cost.",

@@ -25,12 +25,12 @@ from uavrt_experiments.statistics import Z95, Interval, poisson_interval
 
 NOMINAL = 0.01
 _SECOND = "second tag of 0 to 12 dB on the frequency"
-_WORLD = World(course=turning(100), slack_s=0.020, window_hz=60.0)
+SHORT = World(course=turning(100), slack_s=0.020, window_hz=60.0)
 """A search that takes a tenth of a second: 100 pulses, ± 20 ms, ± 60 Hz."""
-_PASS = replace(_WORLD, course=passing(100, speed_m_s=40.0))
-_LANES = replace(_WORLD, course=lawnmower(speed_m_s=40.0))
+_PASS = replace(SHORT, course=passing(100, speed_m_s=40.0))
+_LANES = replace(SHORT, course=lawnmower(speed_m_s=40.0))
 """Lanes over the usual ground at four times the real speed, so with a fourth of the pulses."""
-_STILL = replace(_WORLD, course=replace(passing(100, speed_m_s=0.0), name="in one place"))
+_STILL = replace(SHORT, course=replace(passing(100, speed_m_s=0.0), name="in one place"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +137,7 @@ def gumbel_share(log_expected: Sequence[float], nominal: float = NOMINAL) -> Int
 def _case(
     name: str,
     make: Callable[[np.random.Generator, World], Samples],
-    world: World = _WORLD,
+    world: World = SHORT,
     *,
     most_drift: float = 0.0,
     seconds: float = 0.12,

@@ -89,7 +89,7 @@ def wrong_pattern(runs: int, seed: int) -> list[Row]:
     condition = f"{case}; pattern 1.5 dB, heading 3° and 0.2 s wrong"
     covered = [float(one.covered) for one in trials]
     rng = np.random.default_rng(seed)
-    learnt = [abs(_error_after_learning(rng, case)) for _ in range(max(2, runs // 5))]
+    learnt = [abs(error_after_learning(rng, case)) for _ in range(max(2, runs // 5))]
     return [
         measured("B5", condition, "median [°]", errors, median, most=5.0),
         measured("B5", condition, "90 % interval holds", covered, share, least=0.85),
@@ -97,7 +97,7 @@ def wrong_pattern(runs: int, seed: int) -> list[Row]:
     ]
 
 
-def _error_after_learning(rng: Generator, case: RotationCase) -> float:
+def error_after_learning(rng: Generator, case: RotationCase) -> float:
     """Error [deg] of a sixth turn whose pattern was learnt from five turns."""
     nominal = PATTERNS[case.antenna]
     true = disturbed(rng, nominal, 1.5)

@@ -315,7 +315,7 @@ def _rows_of(name: str, trials: Sequence[Circle], *bar: float) -> list[Row]:
     ]
 
 
-_TURNS: dict[str, Callable[[Generator], Trial]] = {
+TURNS: dict[str, Callable[[Generator], Trial]] = {
     **{
         f"power line, {line_db:g} dB": partial(_turn, line_db=line_db)
         for line_db in (3.0, 6.0, 12.0)
@@ -333,7 +333,7 @@ _TURNS: dict[str, Callable[[Generator], Trial]] = {
         for echo_db in (-6.0, -3.0, 0.0)
     },
 }
-_POSITIONS: dict[str, tuple[Callable[[Generator], Circle], tuple[float, ...]]] = {
+POSITIONS: dict[str, tuple[Callable[[Generator], Circle], tuple[float, ...]]] = {
     "small survey, positions 2 m off": (partial(_small, place_sigma_m=2.0), (0.93, 0.97)),
     "small survey, positions 3 m off": (partial(_small, place_sigma_m=3.0), ()),
     "small survey, lasting and fast fading": (
@@ -375,10 +375,10 @@ CREWS: dict[str, Callable[..., list[Circle]]] = {
 def misfit_worlds(runs: int, seed: int, only: str = "") -> list[Row]:
     """M1: share of arcs and circles that contain the truth in each world, and of cautions."""
     rows = []
-    for name, fly in _TURNS.items():
+    for name, fly in TURNS.items():
         if only in name:
             rows += _bearings(name, runs, seed, fly)
-    for name, (fly_over, bar) in _POSITIONS.items():
+    for name, (fly_over, bar) in POSITIONS.items():
         if only in name:
             rows += _circles(name, runs, seed, fly_over, *bar)
     for world, locate in CREWS.items():

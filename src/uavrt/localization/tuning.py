@@ -136,10 +136,9 @@ class FlightTuning:
 class ReceiverTuning:
     """Limits for using signal levels of receivers that never turned."""
 
-    one_place_m: float = 20.0
-    """Maximum movement of a receiver that counts as remaining at one position [m]."""
-    one_heading_deg: float = 20.0
-    """Maximum change of heading of a directional antenna that counts as not turned [°]."""
+    one_place_m: Guard[float] = 20.0
+    """Largest movement that may be GNSS noise at one position [m]. A receiver that moves less
+    remains at one position; a flight that extends less gives no position from powers."""
     least_pulses: Guard[int] = 3
     """Minimum number of pulses at a position of a receiver that never turned for its level to
     be used."""

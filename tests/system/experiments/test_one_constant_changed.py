@@ -1,10 +1,15 @@
-"""A constant of the estimators is changed for one run, and other figures stay as they are."""
+"""The screening of constants changes them in processes of their own."""
 
-from uavrt_experiments.localization.sensitivity import compared
+from uavrt_experiments.constants.report import table
+from uavrt_experiments.constants.screening import chosen, screen
 
 
-def test_a_constant_moves_the_figures_that_depend_on_it_alone() -> None:
-    assert list(compared("L5", 3, "BEARING_FIX.andrews*1.3")) == ["0 of 2 figures change"]
-    *moved, count = compared("L5", 3, "GRID.bearing_range_m*0.2")
-    assert any("bearings: median [m]" in one for one in moved)
-    assert count == f"{len(moved)} of 2 figures change"
+def test_the_screening_notices_a_constant_that_matters() -> None:
+    """A narrower lobe makes bearings from few pulses ambiguous."""
+    names = ["PATTERN.lobe_deg", "TURNS.height_error_m"]
+    climb, lobe = screen(chosen(names, singly=True), 40, 1, judges=("turn of 8",))
+    assert lobe.verdict == "matters"
+    assert any(one.quantity == "ambiguous" and one.clear for one in lobe.effects)
+    assert climb.verdict == "not screened"
+    shown = table([lobe, climb])
+    assert "| `PATTERN.lobe_deg` | 1 | matters | × 0.7: turn of 8 pulses" in shown

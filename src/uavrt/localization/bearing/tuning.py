@@ -32,20 +32,17 @@ class TurnTuning:
     """Maximum yaw of a single turn [°]; more may be two turns with a flown path between. If it
     is 30 % smaller, 4 % of the turns that drift are split."""
     reversal_deg: float = 25.0
-    """Minimum rotation against a turn's direction that ends the turn [°]; hovering and
-    overshoot rotate less."""
+    """Smallest rotation that is not caused by hovering or overshoot [°]. A rotation against a
+    turn's direction ends the turn; a directional antenna that rotates less has not turned."""
     stop_deg: float = 4.0
     """Maximum change of heading for a drone that turns in steps to count as stopped [°]."""
     longest_pause_s: Guard[float] = 180.0
     """Longest stop within one turn [s]; a longer one separates two turns."""
     least_rate_deg_s: float = 0.5
     """Minimum rate of a turn [°/s]; a slower change of heading is drift."""
-    climb_m: float = 4.0
-    """Minimum change of height within `path_window_s` that counts as climb or descent [m];
-    gusts cause less."""
-    ground_m: float = 4.0
-    """Height below which the drone counts as on the ground [m]; a drifting barometer may report
-    a few metres."""
+    height_error_m: float = 4.0
+    """Largest error of a height by gusts or a drifting barometer [m]. A drone that is not
+    higher counts as on the ground; a smaller change within `path_window_s` is no climb."""
     around_start_m: Guard[float] = 100.0
     """Distance from take-off and landing beyond which low poses count as flight [m]."""
 

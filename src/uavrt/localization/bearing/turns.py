@@ -322,7 +322,7 @@ def _in_flight(east: _Floats, north: _Floats, height_m: _Floats) -> NDArray[np.b
     known = np.isfinite(height_m)
     if not known.any():
         return np.ones(len(height_m), bool)
-    off = ~known | (np.abs(height_m) > TURNS.ground_m)
+    off = ~known | (np.abs(height_m) > TURNS.height_error_m)
     flown = np.flatnonzero(off & known)
     if not len(flown):
         return np.ones(len(height_m), bool)
@@ -340,7 +340,8 @@ def _climbing(seconds: _Floats, height_m: _Floats) -> NDArray[np.bool_]:
     after = np.minimum(np.searchsorted(seconds, seconds + half), len(seconds) - 1)
     rate = (height[after] - height[before]) / np.maximum(seconds[after] - seconds[before], 1e-3)
     climbing = np.zeros(len(height), bool)
+    least_m = TURNS.height_error_m
     for way in (1.0, -1.0):
-        for first, last in _runs(way * rate > TURNS.climb_m / TURNS.path_window_s):
-            climbing[first:last] |= abs(height[last - 1] - height[first]) >= TURNS.climb_m
+        for first, last in _runs(way * rate > least_m / TURNS.path_window_s):
+            climbing[first:last] |= abs(height[last - 1] - height[first]) >= least_m
     return climbing

@@ -41,7 +41,7 @@ from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.estimate_position import estimate_position
 from uavrt.localization.position.levels.power_evidence import PowerTrack
 from uavrt.localization.position.levels.strengths import Strengths
-from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import (
     Bearing,
     BearingMethod,
@@ -51,7 +51,7 @@ from uavrt.localization.results import (
 )
 from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.hill_losses import HillLosses
-from uavrt.localization.tuning import FLIGHT
+from uavrt.localization.tuning import FLIGHT, RECEIVERS
 
 NO_TIME = -1
 """Value that marks a bearing's time as unknown [ns]; its tag is assumed to rest."""
@@ -825,4 +825,4 @@ def at_one_place(heard: Heard) -> bool:
     latitude = np.concatenate([one.latitude_deg for one in own])
     longitude = np.concatenate([one.longitude_deg for one in own])
     away_m = np.hypot(*plane_around(latitude, longitude).to_local(latitude, longitude))
-    return float(np.quantile(away_m, 0.95)) < POWER.least_extent_m
+    return float(np.quantile(away_m, 0.95)) < RECEIVERS.one_place_m

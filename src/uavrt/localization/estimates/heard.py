@@ -109,7 +109,7 @@ class PoseColumns:
         """
         on_ground = self.on_ground
         flown = self.flown_m[np.isfinite(self.flown_m)]
-        climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.climb_m
+        climbed = len(flown) > 0 and float(np.ptp(flown)) >= TURNS.height_error_m
         return climbed or bool(on_ground.any() and not on_ground.all())
 
     @property
@@ -257,7 +257,7 @@ class FlightGround:
         )
         said = list(elevation.cautions)
         height_m = float(poses.height_m[first])
-        if height_m > TURNS.ground_m:
+        if height_m > TURNS.height_error_m:
             said.append(
                 f"the flight's poses begin {height_m:.0f} m up: its heights are counted from "
                 "the ground beneath that place"

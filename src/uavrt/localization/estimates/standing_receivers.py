@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from uavrt.core.earth.tangent_plane import plane_around
 from uavrt.core.units import NANOSECONDS_PER_SECOND, wrap_degrees_180
 from uavrt.localization.antenna import MONOPOLE, AntennaPattern, pattern_named
+from uavrt.localization.bearing.tuning import TURNS
 from uavrt.localization.estimates.heard import PulseColumns, Rhythm
 from uavrt.localization.headings import yaws_deg
 from uavrt.localization.position.levels.strengths import Strengths
@@ -80,7 +81,7 @@ def _standing(
     for at, number in enumerate(chosen):
         away = float(np.hypot(east[number] - east[first], north[number] - north[first]))
         turned = abs(wrap_degrees_180(float(yaw_deg[number] - yaw_deg[first])))
-        if away > RECEIVERS.one_place_m or (one_heading and turned > RECEIVERS.one_heading_deg):
+        if away > RECEIVERS.one_place_m or (one_heading and turned > TURNS.reversal_deg):
             cuts.append(at)
             first = int(number)
     return [chosen[low:high] for low, high in pairwise([*cuts, len(chosen)])]

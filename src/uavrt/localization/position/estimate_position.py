@@ -19,9 +19,10 @@ from uavrt.localization.position.bearings.stations import Stations
 from uavrt.localization.position.follow import Follow
 from uavrt.localization.position.levels.level_evidence import Propagation
 from uavrt.localization.position.levels.power_evidence import PowerTrack
-from uavrt.localization.position.tuning import COMMON, POWER, SURVEY
+from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.results import Position, PositionMethod
 from uavrt.localization.terrain.hill_losses import HillLosses
+from uavrt.localization.tuning import RECEIVERS
 
 _Floats = NDArray[np.float64]
 PositionEstimator = Callable[[Stations | None, PowerTrack | None], Position]
@@ -141,11 +142,11 @@ def _check(stations: Stations | None, powers: PowerTrack | None) -> None:
         if (
             stations is None
             and powers.antenna is None
-            and _extent_m(powers) < POWER.least_extent_m
+            and _extent_m(powers) < RECEIVERS.one_place_m
         ):
             raise UsageError(
                 "signal strengths from one place give neither direction nor distance",
-                remedy=f"Fly {POWER.least_extent_m:.0f} m or more past the tag, or turn "
+                remedy=f"Fly {RECEIVERS.one_place_m:.0f} m or more past the tag, or turn "
                 "an antenna",
             )
 

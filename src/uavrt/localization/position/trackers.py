@@ -28,7 +28,6 @@ from uavrt.localization.position.levels.level_belief import (
     LASTING,
     LEVEL_AT_100_M,
     ExpectedLevel,
-    GroundEffect,
     LevelBelief,
     Listening,
     false_pulse_density,
@@ -517,15 +516,14 @@ class ParticleTracker:
         """
         prior = self._prior
         self._decorrelate(heard)
-        expected, ground = self._expected(heard)
-        scatter_db = ground.scatter_db(prior.fading_db)
+        expected = self._expected(heard)
         mean = float(self._weight @ expected.level_db)
-        spread2 = (expected.level_db - mean) ** 2 + expected.variance_db2 + scatter_db**2
+        spread2 = (expected.level_db - mean) ** 2 + expected.variance_db2 + prior.fading_db**2
         variance = float(self._weight @ spread2)
         likelihood = self._state.level.update(
             heard,
             expected,
-            scatter_db,
+            prior.fading_db,
             missed_share=prior.missed_share,
             chance_share=prior.chance_share,
             elsewhere=elsewhere,
@@ -541,11 +539,11 @@ class ParticleTracker:
 
     def density(self, heard: Listening) -> float:
         """Probability density of this pulse's level if the tag sent it [1/dB]; no update."""
-        expected, ground = self._expected(heard)
+        expected = self._expected(heard)
         both = self._state.level.update(
             heard,
             expected,
-            ground.scatter_db(self._prior.fading_db),
+            self._prior.fading_db,
             missed_share=self._prior.missed_share,
             chance_share=0.0,
             learns=False,
@@ -565,8 +563,8 @@ class ParticleTracker:
             kept = math.exp(-moved_m / law.correlation_m)
             level.relax(LASTING, law.mean, law.sigma, kept)
 
-    def _expected(self, heard: Listening) -> tuple[ExpectedLevel, GroundEffect]:
-        """Expected levels and ground effects for one pulse."""
+    def _expected(self, heard: Listening) -> ExpectedLevel:
+        """Expected levels of one pulse."""
         state, prior = self._state, self._prior
         ground = prior.ground.effect(heard, state.east_m, state.north_m)
         expected = state.level.expected(
@@ -579,7 +577,7 @@ class ParticleTracker:
                 float(heard.height_m),
             )
             expected = replace(expected, level_db=expected.level_db + gain_db)
-        return expected, ground
+        return expected
 
     def take_bearing(
         self, east_m: float, north_m: float, posterior: NDArray[np.float64]

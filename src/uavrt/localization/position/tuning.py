@@ -163,9 +163,6 @@ class PowerTuning:
     hills.
     """
 
-    least_extent_m: Guard[float] = 20.0
-    """Minimum extent of a flight for a position from pulse powers [m]; a smaller extent is GNSS
-    noise at one position."""
     reference_m: Fixed[float] = 100.0
     """Distance to which a tag's level refers [m]."""
     together: Guard[int] = 60_000
@@ -403,9 +400,6 @@ class LossErrorTuning:
     the path (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems").
     With a correlation length of 100 m, a search of 15 minutes does not locate a walking animal
     within 25 m; with 30 m it takes 5 minutes."""
-    pulse_share: float = 0.05
-    """Standard deviation of errors that vary from pulse to pulse, as a share of the loss behind
-    a hill."""
     grazing_db: float = 6.0
     """Change of a loss by some metres of height if the path just grazes the hill [dB]."""
     grazing_fall_db: float = 3.0

@@ -304,7 +304,7 @@ def hypotheses_of(energies: SlotEnergies, weights: Weights, tag: Tag) -> float:
     own = float(np.sum(correlation_slots(energies) ** -2.0))
     cells = _cells(energies, tag) * len(weights.basis) * own * weights.spread
     independent = SEARCH.hypotheses * (SEARCH.burst_hypotheses if energies.pulses > 1 else 1.0)
-    return independent * cells / (1.0 - SEARCH.loud_share)
+    return independent * cells
 
 
 def correlation_slots(energies: SlotEnergies) -> _Floats:
@@ -446,7 +446,7 @@ def _loud_trains(energies: SlotEnergies, tag: Tag, most: int) -> list[FoldedTrai
         for between in intervals_searched(tag)
     ]
     cells = _cells(energies, tag) * len(energies.energy)
-    hypotheses = SEARCH.loud_hypotheses * cells / SEARCH.loud_share
+    hypotheses = SEARCH.loud_hypotheses * cells
     for rate, found in enumerate(parts, 1):
         logs = loud_tail(energies, found, plain)
         order, logs = _through_middles(logs, found, energies)

@@ -99,11 +99,11 @@ class SearchTuning:
     stretches."""
     lags: Resolution[tuple[int, ...]] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a frequency's slot energies is computed [slots]."""
-    # Trains of strong pulses: share of the false alarms, hypotheses for each cell of marks,
-    # minimum number of marks, share of the best log probability above which another train may
-    # have the same marks, and weight for central slots, below that of any mark.
-    loud_share: float = 0.02
-    loud_hypotheses: float = 1.5
+    # Trains of strong pulses: hypotheses for each cell of marks, so many that they cause only
+    # 2 % of the false alarms, minimum number of marks, share of the best log probability above
+    # which another train may have the same marks, and weight for central slots, below that of
+    # any mark.
+    loud_hypotheses: float = 75.0
     least_marks: Guard[int] = 4
     same_marks_share: float = 0.95
     middle_weight: float = 0.4
@@ -260,11 +260,8 @@ class BurstTuning:
     # Scatter of pulses in one burst, and over all, beyond noise, as shares of the mean.
     burst_scatter: float = 0.25
     mean_scatter: float = 0.1
-    # Another sender: standard deviations of its sum, and share of the largest sum.
     sender_sigmas: float = 4.5
-    sender_share: float = 0.15
-    beside_s: float = 0.005
-    """Margin on both sides of a burst that is considered part of it [s]."""
+    """Minimum sum of another sender's pulses [standard deviations of the sums]."""
 
 
 ENERGY, SEARCH, PLACE, BURSTS = EnergyTuning(), SearchTuning(), PlaceTuning(), BurstTuning()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uavrt.core.runtime.lean_scipy import special
 from uavrt.localization.antenna import NULL_DB, AntennaPattern
 from uavrt.localization.position.levels.ground_reflection import ReflectionShapes
-from uavrt.localization.position.tuning import LEVEL, LOSS, POWER
+from uavrt.localization.position.tuning import LEVEL, POWER
 from uavrt.localization.tuning import LEVELS
 
 _Floats = NDArray[np.floating[Any]]
@@ -156,10 +156,6 @@ class GroundEffect:
             slopes.extend(shapes)
         return known, slopes
 
-    def scatter_db(self, fading_db: float) -> _Floats | float:
-        """Standard deviation of fading and of losses that vary from pulse to pulse [dB]."""
-        return (fading_db**2 + (LOSS.pulse_share * self.lost_db) ** 2) ** 0.5
-
 
 LEVEL_AT_100_M, EXPONENT, LASTING = range(3)
 """Rows of the unknowns of a level: SNR at 100 m [dB], path loss exponent, lasting error of
@@ -247,7 +243,7 @@ class LevelBelief:
         self,
         heard: Listening,
         expected: ExpectedLevel,
-        fading_db: _Floats | float,
+        fading_db: float,
         *,
         missed_share: float = LEVELS.outlier_share,
         chance_share: float = LEVELS.outlier_share,
@@ -257,9 +253,8 @@ class LevelBelief:
         """Update with a received or a missed pulse; return the log-likelihood at each
         position.
 
-        `fading_db` includes other unknown parts of the level. `elsewhere` is the density
-        [1/dB] of a pulse of this level from another source. If `learns` is False, only the
-        likelihood is computed.
+        `elsewhere` is the density [1/dB] of a pulse of this level from another source. If
+        `learns` is False, only the likelihood is computed.
         """
         variance = expected.variance_db2 + fading_db**2
         if heard.snr_db is not None:

@@ -128,7 +128,7 @@ def sender_of(
     # Neighbouring slots belong to the pulse, too: the train's times are approximate.
     near = ndimage.maximum_filter1d(capped, 3)
     listened = near > 0.0
-    reach = 2 * round((single.starts_s[-1] + BURSTS.beside_s) / slot_s)
+    reach = 2 * round(single.starts_s[-1] / slot_s)
     at = np.floor(time_s / slot_s).astype(np.intp)
     inside = (at >= reach) & (at + reach < len(near))
     at, weight = at[inside], weight[inside]
@@ -148,17 +148,16 @@ def sender_of(
     chance = BURSTS.doubtful_chance if strange.any() else BURSTS.unequal_chance
     if off <= _limit(chance, len(sums)):
         return own
-    least = max(stands_out, BURSTS.sender_share * float(sums.max()))
     spread = ndimage.maximum_filter1d(profile, 3)
     tried = lags[(lags >= -reach // 2) & (lags + places[-1] <= reach)]
     weakest = np.min([spread[tried + reach + place] for place in places], axis=0)
     best = int(weakest.argmax())
-    if weakest[best] > least:
+    if weakest[best] > stands_out:
         shift = int(tried[best])
         again, _ = _picked(over, at + shift, single.starts_s, slot_s)
         if _inequality(again, weight, variance) <= _limit(BURSTS.unequal_chance, len(sums)):
             return Sender(shift_s=shift * slot_s, pulses_s=np.zeros(0))
-    foreign = lags[profile > least] * slot_s
+    foreign = lags[profile > stands_out] * slot_s
     return Sender(shift_s=None, pulses_s=np.asarray(foreign))
 
 

@@ -1,0 +1,1 @@
+"""Screening of localization's constants: which of them change a result."""
