@@ -61,8 +61,7 @@ def expected(kind: str, fault: str, rate_hz: float) -> str:
         "absent": f"{title}: {gone}. Plug the radio in",
         "unplugged": f"{title}: {gone}. Plug the radio in",
         "busy": f"{title}: another program is using the radio. Close the program",
-        "forbidden": f"{title}: this user has no permission to open the radio. Install the "
-        "udev rule",
+        "forbidden": f"{title}: this user may not open it. Install the udev rule",
         "other rate": f" samples a second arrive, not {rate_hz:.0f}. Check the radio's cable",
         "loses": f" samples a second arrive, not {rate_hz:.0f}. Check the radio's cable",
         "other serial": f"{title}: no radio has the serial number {SERIALS[kind]}. Set [radio] "

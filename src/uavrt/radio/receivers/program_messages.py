@@ -168,7 +168,7 @@ def _missing(
     closed = [one for one in chosen if not os.access(one.node, os.R_OK | os.W_OK)]
     if cause is Cause.FORBIDDEN or closed:
         return (
-            "this user has no permission to open the radio",
+            "this user may not open it",
             "Install the udev rule (sudo uavrt service install), join the group plugdev, and "
             "plug the radio in again",
         )
