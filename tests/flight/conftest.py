@@ -16,11 +16,12 @@ from uavrt.config.settings import Settings
 from uavrt.core.clock import Clock
 from uavrt.core.messages import SystemStatus, Tag
 from uavrt.drone.status_reader import StatusReader
-from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
+from uavrt.drone.supervisor.start.usage import descendants_of
 from uavrt.simulation.demo.demo_programs import DemoPaths, Program
 from uavrt.simulation.demo.rig import Rig, starting_in
 from uavrt.simulation.scene.flight import Flight, Leg
 from uavrt.simulation.scene.scenario import Radio, Scenario
+from uavrt_experiments.resources.usage import is_alive
 
 THESIS_TAG = made.simulated_tag(
     interval_uncertainty_s=0.06,

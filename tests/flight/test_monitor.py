@@ -18,8 +18,9 @@ from uavrt.config.settings import MavlinkSettings, RecordingSettings
 from uavrt.config.tags.tag_files import write_tags
 from uavrt.core.commands import SystemState
 from uavrt.core.errors import CommandRefused
-from uavrt.drone.supervisor.start.usage import children_of, descendants_of, is_alive
+from uavrt.drone.supervisor.start.usage import children_of, descendants_of
 from uavrt.flight.reading.flight_reader import read_flight
+from uavrt_experiments.resources.usage import is_alive
 
 pytestmark = pytest.mark.timeout(150)
 

@@ -14,8 +14,9 @@ import pytest
 from depth import ALL
 from until import until
 
-from uavrt.drone.supervisor.start.usage import is_alive, own_usage
+from uavrt.drone.supervisor.start.usage import own_usage
 from uavrt.simulation.demo.demo_programs import free_udp_port
+from uavrt_experiments.resources.usage import is_alive
 
 TAG = "1, 148715000, 1000, 15, 20, 20, 3, 0.01\n"
 BAD = re.compile(r"Traceback|Exception ignored|KeyboardInterrupt|never awaited|leaked")

@@ -31,7 +31,7 @@ from uavrt.core.messages import Health, Pose, Pulse
 from uavrt.core.units import ns_from_s
 from uavrt.drone.supervisor.start.launcher import PING_S, SILENCE_S
 from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS
-from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
+from uavrt.drone.supervisor.start.usage import descendants_of
 from uavrt.drone.supervisor.tree.process_shapes import rows_for
 from uavrt.drone.supervisor.tree.table import PROCESSES
 from uavrt.flight.flight_layout import FlightLayout
@@ -42,6 +42,7 @@ from uavrt.simulation.scene.flight import Flight, Leg
 from uavrt.simulation.scene.scenario import Scenario
 from uavrt_experiments.recovery.drone import NURSERY, READY_S, ServedDrone
 from uavrt_experiments.recovery.report import Kill, RecoveryReport
+from uavrt_experiments.resources.usage import is_alive
 
 SIGKILL_LIMIT_S = 2.0
 STOP_SPARE_S = 2.0

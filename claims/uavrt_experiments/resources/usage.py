@@ -47,3 +47,11 @@ def pss_mb(pid: int) -> float:
         return 0.0
     found = re.search(r"^Pss:\s+(\d+) kB", rollup, re.MULTILINE)
     return int(found.group(1)) * 1024 / 1e6 if found else 0.0
+
+
+def is_alive(pid: int) -> bool:
+    """True if a process runs; False for a zombie."""
+    try:
+        return read_proc(f"/proc/{pid}/stat").rpartition(") ")[2][:1] not in ("Z", "")
+    except OSError:
+        return False

@@ -12,10 +12,11 @@ import pytest
 from command_line import launched, started
 from until import until
 
-from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
+from uavrt.drone.supervisor.start.usage import descendants_of
 from uavrt_experiments.autopilots.builds import PX4_PORTS, free_instance
 from uavrt_experiments.autopilots.measures import commands_of
 from uavrt_experiments.autopilots.tap import read_frames
+from uavrt_experiments.resources.usage import is_alive
 
 
 @pytest.mark.timeout(300)

@@ -12,12 +12,12 @@ from until import until
 from uavrt.config.settings import RadioSettings
 from uavrt.core.clock import monotonic_s
 from uavrt.core.errors import ConfigError, RadioMissing, RadioStalled, RadioStopped
-from uavrt.drone.supervisor.start.usage import is_alive
 from uavrt.radio.checking import check_device
 from uavrt.radio.formats import sample_format
 from uavrt.radio.opening import open_radio
 from uavrt.radio.receivers.radio_program import ProgramSource
 from uavrt.radio.receivers.radio_programs import PROGRAMS, receive_command
+from uavrt_experiments.resources.usage import is_alive
 
 Install = Callable[[str, str], None]
 

@@ -24,11 +24,12 @@ from uavrt.drone.ipc.parent import adopt_orphans
 from uavrt.drone.supervisor.mission.flight_opening import share_tags
 from uavrt.drone.supervisor.start.launcher import Launcher
 from uavrt.drone.supervisor.start.restarts import FLIGHT_RESTARTS
-from uavrt.drone.supervisor.start.usage import children_of, is_alive
+from uavrt.drone.supervisor.start.usage import children_of
 from uavrt.drone.supervisor.tree.child_output import OutputLog, warning_text
 from uavrt.drone.supervisor.tree.instance import Instance
 from uavrt.drone.supervisor.tree.process_tree import ProcessTree
 from uavrt.drone.supervisor.tree.table import ProcessRow, always
+from uavrt_experiments.resources.usage import is_alive
 
 PR_SET_CHILD_SUBREAPER = 36
 FAILING = """

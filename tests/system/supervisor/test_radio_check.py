@@ -16,7 +16,8 @@ from uavrt.drone.ipc.topics import decode_record
 from uavrt.drone.supervisor.core import Supervisor
 from uavrt.drone.supervisor.mission import radio_check
 from uavrt.drone.supervisor.mission.radio_check import RadioTest
-from uavrt.drone.supervisor.start.usage import descendants_of, is_alive
+from uavrt.drone.supervisor.start.usage import descendants_of
+from uavrt_experiments.resources.usage import is_alive
 
 SETTINGS = RadioSettings(kind="airspyhf", sample_rate_hz=768e3)
 PACED = """

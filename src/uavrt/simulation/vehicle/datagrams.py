@@ -6,16 +6,13 @@ wake up later. So the arrival time of a datagram is used, and not the time at wh
 
 import asyncio
 import socket
-import struct
 from collections.abc import Callable
 
 from uavrt.core.clock import Clock
 from uavrt.core.errors import LinkError
+from uavrt.link.mavlink.links.udp import SO_TIMESTAMPNS, stamp_ns
 
-SO_TIMESTAMPNS = 35
-"""Linux option for arrival times; in Python's `socket` only from 3.14."""
 RECEIVE_BUFFER = 1 << 20
-_TIMESPEC = struct.Struct("@ll")
 
 
 class DatagramPort:
@@ -96,9 +93,6 @@ class DatagramPort:
 
     def _arrival_ns(self, ancillary: list[tuple[int, int, bytes]]) -> int:
         """Arrival time on this program's clock [ns, UTC], from the kernel's wall time."""
-        for level, kind, data in ancillary:
-            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
-                seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])
-                wall_ns = seconds * 1_000_000_000 + nanoseconds
-                return int(wall_ns) - self._clock.wall_correction_ns()
-        return self._clock.now_ns()
+        wall_ns = stamp_ns(ancillary)
+        now_ns, correction_ns = self._clock.now_ns(), self._clock.wall_correction_ns()
+        return now_ns if wall_ns is None else wall_ns - correction_ns

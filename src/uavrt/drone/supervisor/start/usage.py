@@ -36,14 +36,6 @@ def children_of(pid: int) -> tuple[int, ...]:
     return tuple(int(child) for child in text.split())
 
 
-def is_alive(pid: int) -> bool:
-    """True if a process runs; False for a zombie."""
-    try:
-        return read_proc(f"/proc/{pid}/stat").rpartition(") ")[2][:1] not in ("Z", "")
-    except OSError:
-        return False
-
-
 def own_usage(pid: int) -> Usage:
     """Measure a process without its living children; zeros if it has ended."""
     return _usages(pid)[0]

@@ -152,7 +152,7 @@ class UdpLink(Link):
                 self._lost(error)
                 break
             found = True
-            self.frame_age_ns = _age_ns(ancillary)
+            self.frame_age_ns = _age_ns(stamp_ns(ancillary))
             if self.address.kind == "udpin":
                 self._remember(sender[:2])
             self._parser.reset()  # a frame never spans two datagrams
@@ -221,11 +221,15 @@ def _receive(
     return data, [], 0, sender
 
 
-def _age_ns(ancillary: list[tuple[int, int, bytes]]) -> int:
-    """Time since a datagram arrived, by the kernel's stamp [ns]."""
+def stamp_ns(ancillary: list[tuple[int, int, bytes]]) -> int | None:
+    """Time of a datagram's arrival by the kernel [ns, the computer's UTC]; None without it."""
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = _TIMESPEC.unpack(data[: _TIMESPEC.size])
-            age_ns = wall_ns() - (int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds))
-            return age_ns if 0 <= age_ns < OLDEST_NS else 0
-    return 0
+            return int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds)
+    return None
+
+
+def _age_ns(arrived_ns: int | None) -> int:
+    age_ns = 0 if arrived_ns is None else wall_ns() - arrived_ns
+    return age_ns if 0 <= age_ns < OLDEST_NS else 0

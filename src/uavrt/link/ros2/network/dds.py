@@ -348,7 +348,7 @@ class Participant:
             self._add_writer(node, LOG_TOPIC, LOG_MESSAGE, LOG_DEPTH, keep=True)
         if settings.parameter_services and PARAMETER_NODE in nodes:
             self._add_services()
-        info = self._info_type()
+        *_, info = messages.graph_messages(self._gid_bytes)
         self._info_writer = DataWriter(
             self._publisher,
             Topic(self._participant, DISCOVERY_TOPIC, dds_type(info)),
@@ -518,19 +518,16 @@ class Participant:
             )
         return self._topics[name]
 
-    def _info_type(self) -> Any:
-        return messages.graph_messages(self._gid_bytes)[2]
-
     def _introduce(self, nodes: Collection[str]) -> None:
         """Announce the drone's nodes and their endpoints to ROS 2."""
-        gid, node_info, _ = messages.graph_messages(self._gid_bytes)
+        gid, node_info, info = messages.graph_messages(self._gid_bytes)
 
         def gid_of(entity: Any) -> Any:
             return gid(data=entity.guid.bytes.ljust(self._gid_bytes, b"\0"))
 
         self._write(
             self._info_writer,
-            self._info_type()(
+            info(
                 gid=gid_of(self._participant),
                 node_entities_info_seq=tuple(
                     node_info(
