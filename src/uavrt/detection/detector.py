@@ -16,7 +16,6 @@ from uavrt.core.messages import Pulse, SearchReport, Tag
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.detection.detector_checks import check_searchable
 from uavrt.detection.modes import LOCK_HALF_WIDTH_HZ, OperatingMode
-from uavrt.detection.search.hypotheses import Candidate, RateSearch
 from uavrt.detection.signal.block_order import Intake, LongestBlock
 from uavrt.detection.signal.frequency_circle import apart_hz, in_channel_hz
 from uavrt.detection.signal.sample_buffer import Counters
@@ -174,7 +173,7 @@ class PulseDetector:
 
     def take(self, samples: NDArray[np.complex64], time_ns: int) -> int:
         """Add a block without searching; return its length, 0 if refused. A `DetectorGroup`
-        calls this, `next_step`, `prepare`, `conclude` and `drain` separately.
+        calls this, `next_step`, `advance` and `drain` separately.
         """
         self._longest.note(len(samples))
         if not self._intake.stale_blocks and self._buffer.extend(((samples, time_ns),)):
@@ -291,13 +290,12 @@ class PulseDetector:
         return [t for t in self.tracks if t.confirmed and t.held]
 
     def _advance(self, upto: int, *, last: bool = False) -> None:
-        if upto <= self._clean and not last:
-            return
-        self.prepare(upto)
-        self.conclude(self.band.advance(upto, last=last))
+        if upto > self._clean or last:
+            self.clean(upto)
+            self.search(last=last)
 
-    def prepare(self, upto: int) -> None:
-        """Clean the samples up to an index."""
+    def clean(self, upto: int) -> None:
+        """Clean the samples up to an index, as returned by `next_step`; `search` follows."""
         renew = self._advances % 6 == 1 or self.band.leveller.unsteady
         self._cleaner.clean(self._buffer, self._clean, upto, renew=renew)
         self.band.note_cleaning(
@@ -308,11 +306,12 @@ class PulseDetector:
         self._clean = upto
         self._patience = self._batch
 
-    def conclude(self, results: list[tuple[RateSearch, list[Candidate]]] | None) -> None:
-        """Test the candidates of a search, follow tracks, and report pulses."""
+    def search(self, *, last: bool = False) -> None:
+        """Search the cleaned samples, follow tracks, and report pulses."""
+        upto = self._clean
+        results = self.band.advance(upto, last=last)
         if results is None:
             return
-        upto = self._clean
         self.tracking.conclude(results, upto, floor=self._cleaner.mean_floor)
         if self.operating_mode is OperatingMode.SEARCH_HARD_LOCK:
             self._lock()

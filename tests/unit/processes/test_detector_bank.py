@@ -6,9 +6,7 @@ import pytest
 
 from uavrt.config.settings import DetectionSettings, OperatingModeName
 from uavrt.core.messages import ChannelBlock, Tag
-from uavrt.detection import group
 from uavrt.detection.detector import PulseDetector
-from uavrt.detection.track.search_band import advance_together
 from uavrt.drone.processes.detector import DetectorBank
 from uavrt.drone.processes.samples import hang_watch
 
@@ -93,17 +91,17 @@ def test_a_bank_with_a_hard_lock_keeps_to_the_frequency_that_it_found() -> None:
 
 
 @pytest.mark.parametrize("times", [1, 2])
-@pytest.mark.parametrize("where", ["conclude", "next_step", "process"])
+@pytest.mark.parametrize("where", ["search", "next_step", "process"])
 def test_a_tag_at_which_the_search_fails_twice_is_left_out_and_the_others_go_on(
     where: str, times: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     original, left = getattr(PulseDetector, where), [times]
 
-    def failing(self: PulseDetector, *arguments: object) -> object:
+    def failing(self: PulseDetector, *arguments: object, **options: object) -> object:
         if self.tag.tag_id == 5 and left[0] and self.counters.samples > 0.6 * RATE_HZ:
             left[0] -= 1
             raise FloatingPointError("no threshold")
-        return original(self, *arguments)
+        return original(self, *arguments, **options)
 
     monkeypatch.setattr(PulseDetector, where, failing)
     sick = replace(tag(5, CENTER_HZ - 1500.0), name="fox")
@@ -129,14 +127,14 @@ def test_a_tag_whose_search_does_not_end_is_left_out_and_the_others_go_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(hang_watch, "CHECK_S", 0.05)
-    conclude = PulseDetector.conclude
+    search = PulseDetector.search
 
-    def hanging(self: PulseDetector, *arguments: object) -> object:
+    def hanging(self: PulseDetector, *, last: bool = False) -> None:
         while self.tag.tag_id == 5 and self.counters.samples > 0.6 * RATE_HZ:
             pass
-        return conclude(self, *arguments)  # type: ignore[arg-type]
+        search(self, last=last)
 
-    monkeypatch.setattr(PulseDetector, "conclude", hanging)
+    monkeypatch.setattr(PulseDetector, "search", hanging)
     sick = replace(tag(5, CENTER_HZ - 1500.0), name="fox")
     bank = DetectorBank((tag(2, CENTER_HZ + 150.0), sick), DetectionSettings())
     assert len(run(bank, blocks(2.0))) >= 5
@@ -159,28 +157,6 @@ def test_many_turns_of_a_search_do_not_count_as_one(monkeypatch: pytest.MonkeyPa
             turn[0] = object()
     with pytest.raises(hang_watch.SearchHangs):
         compute_without_end(turn[0])
-
-
-def test_a_step_of_several_tags_that_fails_makes_none_of_them_guilty(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    together, left = advance_together, [1]
-
-    def failing(*arguments: object) -> object:
-        if left[0]:
-            left[0] -= 1
-            raise FloatingPointError("no threshold")
-        return together(*arguments)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(group, "advance_together", failing)
-    bank = DetectorBank(
-        (tag(2, CENTER_HZ + 150.0), tag(5, CENTER_HZ - 1500.0)), DetectionSettings()
-    )
-    assert len(run(bank, blocks(2.0))) >= 8
-    assert left == [0]
-    assert bank.counters()["detector_failures"] == 1
-    assert not bank.left_out
-    assert "search failed" in capsys.readouterr().err
 
 
 def test_a_tag_that_no_detector_takes_costs_no_other(

@@ -1,13 +1,7 @@
-"""Search for groups of pulses that contain an anchor: a cell strong enough to be a pulse.
-
-Several tags are searched together, with their cells and hypotheses in one long array, because a
-call of NumPy takes longer than its work for a single tag.
-"""
+"""Search for groups of pulses that contain an anchor: a cell strong enough to be a pulse."""
 
 import bisect
-import copy
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,12 +10,12 @@ from numpy.typing import NDArray
 
 from uavrt.core.runtime.native import kernels
 from uavrt.detection.search.hypotheses import Anchors, Candidate, RateSearch, best_first
-from uavrt.detection.search.null_lattices import NullLattices
+from uavrt.detection.search.null_lattices import Lows, NullLattices
 from uavrt.detection.search.tuning import GROUPS
 
 
-class AnchorSearch(RateSearch):
-    """Search at one rate for groups of up to eight pulses; parameters as for `RateSearch`."""
+class _AnchorMemory(RateSearch):
+    """Ring buffer of cells, and the anchors in it whose groups are still to be tested."""
 
     def __init__(self, **parameters: Any) -> None:
         super().__init__(**parameters)
@@ -45,10 +39,8 @@ class AnchorSearch(RateSearch):
         """Number of columns in the ring buffer of cells; column c is at c modulo this."""
         self.width = self.length + max(self.stretch, self.piece + 2 * reach)
         """Width of the ring buffer [columns], with the first ones repeated after its end."""
-        self.base = 0
-        # Separate memory only when first needed: in a group of a hundred tags 48 MB never are.
+        # Only when first needed: of a hundred tags 48 MB never are.
         self.memory = np.zeros(0, np.float32)
-        self.cells = self.memory.reshape(0, self.width)
         self.pushed = 0
         self.anchor_columns: list[int] = []
         self.anchor_rows: list[int] = []
@@ -56,6 +48,94 @@ class AnchorSearch(RateSearch):
         self.null: NullLattices | None = None
         self.tested = [0] * k
         """(K,) number of strong cells tested as each of a group's K pulses."""
+
+    def begin_at(self, column: int) -> None:
+        """Begin in the middle of a stream; `column` is the number of the first column."""
+        super().begin_at(column)
+        self.pushed = column
+
+    def open_anchors(self) -> Anchors:
+        """Return the anchors (strong cells) whose groups are still to be tested."""
+        return self.anchor_columns, self.anchor_rows, self.anchor_powers
+
+    def _append(self, power: NDArray[np.float32]) -> None:
+        """Write new columns (rows, columns) into the ring buffer."""
+        cells = self.memory.reshape(self.rows, self.width)
+        count, length = power.shape[1], self.length
+        at = self.pushed % length
+        cells[:, at : at + count] = power
+        # Repeated columns are written twice.
+        if at + count > length:
+            cells[:, : at + count - length] = power[:, length - at :]
+        spare = cells.shape[1] - length
+        if at < spare:
+            twice = min(count, spare - at)
+            cells[:, length + at : length + at + twice] = power[:, :twice]
+        self.pushed += count
+
+    @property
+    def _fresh(self) -> int:
+        """Number of new columns that have not yet been searched for anchors (strong cells)."""
+        return max(0, self.pushed - self.reach - self.columns)
+
+    def _advance(self, fresh: int) -> int:
+        """Count columns as searched; return the ring buffer position of the first one."""
+        first = self.columns % self.length
+        self.columns += fresh
+        if self.columns > self._first_columns:
+            self.threshold = self._steady_threshold
+        return first
+
+    def _note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
+        """Add anchors to be tested, in the order of their columns."""
+        self.anchor_columns += columns
+        self.anchor_rows += rows
+        self.anchor_powers += powers
+
+    def _note_anchors(self, noise: NDArray[np.float32], fresh: int) -> None:
+        """Find the anchors in new columns: strong cells that are largest within the jitter."""
+        first, reach = self.columns, self.reach
+        at = self._advance(fresh)
+        cells = self.memory.reshape(self.rows, self.width)[:, at : at + fresh]
+        strong = cells >= (np.float32(self.threshold / self.k) * noise)[:, np.newaxis]
+        # In one dimension: in two, NumPy visits all cells, at 40 times the cost.
+        row, column = np.divmod(strong.reshape(-1).nonzero()[0], fresh)
+        if not len(row):
+            return
+        starts = row * self.width + (at + column - reach) % self.length
+        around = _stretches(self.memory, 2 * reach + 1)[starts]
+        power = around[:, reach]
+        peaks = (power >= around.max(axis=1)).nonzero()[0]
+        peaks = peaks[column[peaks].argsort(kind="stable")]
+        self._note((first + column)[peaks].tolist(), row[peaks].tolist(), power[peaks].tolist())
+
+    def _take_due(self) -> "_Due":
+        """Take the anchors whose groups are complete."""
+        due = _Due()
+        columns, tested = self.anchor_columns, self.tested
+        if not columns:
+            return due
+        for place, wait in enumerate(self.waits):
+            done = tested[place]
+            upto = bisect.bisect_left(columns, self.columns - wait, done)
+            if upto > done:
+                due.columns += columns[done:upto]
+                due.rows += self.anchor_rows[done:upto]
+                due.powers += self.anchor_powers[done:upto]
+                due.places += [place] * (upto - done)
+                tested[place] = upto
+        # Anchors tested as the first of K, which takes longest, are finished.
+        keep = tested[0]
+        if keep:
+            if self.pass_on is not None:
+                self.pass_on(columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep])
+            del columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
+            self.tested = [upto - keep for upto in tested]
+        return due
+
+
+class AnchorSearch(_AnchorMemory):
+    """Search at one rate for groups of up to eight pulses; parameters as for `RateSearch`."""
 
     def count_null(self, expected_per_column: float, interval: float) -> None:
         """Count groups at intervals that no tag has; a large number raises the threshold."""
@@ -75,125 +155,139 @@ class AnchorSearch(RateSearch):
             return self.own_margin
         return self.own_margin * self.null.factor(self.threshold)
 
-    def begin_at(self, column: int) -> None:
-        """Begin in the middle of a stream; `column` is the number of the first column."""
-        super().begin_at(column)
-        self.pushed = column
-
     def _push(self, power: NDArray[np.float32], noise: NDArray[np.float32]) -> list[Candidate]:
-        return search_together([self], power[np.newaxis], noise[np.newaxis])[0]
-
-    def open_anchors(self) -> Anchors:
-        """Return the anchors (strong cells) whose groups are still to be tested."""
-        return self.anchor_columns, self.anchor_rows, self.anchor_powers
-
-    def kind(self) -> tuple[int, ...]:
-        """Settings that must be equal for searches in one call of `search_together`."""
-        return self.rows, self.k, self.reach, len(self.intervals)
-
-    @property
-    def size(self) -> int:
-        """Number of cells in the ring buffer."""
-        return self.rows * self.width
-
-    def move_to(self, memory: NDArray[np.float32], base: int, *, empty: bool = False) -> None:
-        """Move the ring buffer to index `base` of `memory`; `empty`: without setting it to 0.
-
-        The beginning of the buffer is repeated after its end, so that every stretch of a row is
-        contiguous.
-        """
-        cells = memory[base : base + self.size].reshape(self.rows, self.width)
-        if len(self.cells):
-            cells[:] = self.cells
-        elif not empty:
-            cells[:] = 0.0
-        self.memory, self.base, self.cells = memory, base, cells
-
-    def allocate(self) -> None:
-        """Allocate the ring buffer if it has no memory."""
         if not len(self.memory):
-            self.move_to(np.zeros(self.size, np.float32), 0, empty=True)
+            # The beginning of the ring buffer is repeated after its end, so that every stretch
+            # of a row is contiguous.
+            self.memory = np.zeros(self.rows * self.width, np.float32)
+        if kernels() is not None:
+            return self._push_by_kernel(power, noise)
+        self._append(power)
+        fresh = self._fresh
+        if not fresh:
+            return []
+        self._note_anchors(noise, fresh)
+        due = self._take_due()
+        self._count_null(due, noise, fresh)
+        return best_first(self._tested_candidates(due, noise)) if due.columns else []
 
-    def append(self, power: NDArray[np.float32]) -> None:
-        """Write new columns (rows, columns) into the ring buffer."""
-        self.allocate()
-        count, cells, length = power.shape[1], self.cells, self.length
-        at = self.pushed % length
-        cells[:, at : at + count] = power
-        # Repeated columns are written twice.
-        if at + count > length:
-            cells[:, : at + count - length] = power[:, length - at :]
-        spare = cells.shape[1] - length
-        if at < spare:
-            twice = min(count, spare - at)
-            cells[:, length + at : length + at + twice] = power[:, :twice]
-        self.pushed += count
-
-    @property
-    def fresh(self) -> int:
-        """Number of new columns that have not yet been searched for anchors (strong cells)."""
-        return max(0, self.pushed - self.reach - self.columns)
-
-    def advance(self, fresh: int) -> int:
-        """Count columns as searched; return the ring buffer position of the first one."""
-        first = self.columns % self.length
-        self.columns += fresh
-        if self.columns > self._first_columns:
-            self.threshold = self._steady_threshold
-        return first
-
-    def note(self, columns: list[int], rows: list[int], powers: list[float]) -> None:
-        """Add anchors to be tested, in the order of their columns."""
-        self.anchor_columns += columns
-        self.anchor_rows += rows
-        self.anchor_powers += powers
-
-    def take_due(self, due: "_Due", member: int) -> None:
-        """Append the anchors with complete groups to `due`; `member`: number of this search."""
-        columns, tested = self.anchor_columns, self.tested
-        if not columns:
-            return
-        for place, wait in enumerate(self.waits):
-            done = tested[place]
-            upto = bisect.bisect_left(columns, self.columns - wait, done)
-            if upto > done:
-                due.columns += columns[done:upto]
-                due.rows += self.anchor_rows[done:upto]
-                due.powers += self.anchor_powers[done:upto]
-                due.places += [place] * (upto - done)
-                tested[place] = upto
-        # Anchors tested as the first of K, which takes longest, are finished.
-        keep = tested[0]
-        if keep:
-            if self.pass_on is not None:
-                self.pass_on(columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep])
-            del columns[:keep], self.anchor_rows[:keep], self.anchor_powers[:keep]
-            self.tested = [upto - keep for upto in tested]
-        due.members += [member] * (len(due.columns) - len(due.members))
-
-    def collect(
-        self, tested: "_Tested", part: slice, least: float, shorter: int = 0
+    def _push_by_kernel(
+        self, power: NDArray[np.float32], level: NDArray[np.float32]
     ) -> list[Candidate]:
-        """Create candidates from the tested anchors in `part` whose sum is at least `least`."""
-        best, level = tested.best[part], tested.level[part]
-        cells, power = tested.cells[part], tested.power[part]
-        hits = np.flatnonzero(best >= least)
-        strengths = (cells[hits].sum(axis=1) + power[hits][:, np.newaxis]) / level[hits][
-            :, np.newaxis
-        ]
+        native = kernels()
+        if power.strides[1] != power.itemsize:
+            power = np.ascontiguousarray(power)
+        at, first = self.pushed % self.length, self.columns
+        self.pushed += power.shape[1]
+        fresh = self._fresh
+        begin = self._advance(fresh) if fresh else 0
+        ring = (self.memory, 0, self.rows, self.width, self.length)
+        share = self.threshold / self.k
+        self._note(
+            *native.note(*ring, at, begin, fresh, first, self.reach, share, level, power)
+        )
+        due = self._take_due() if fresh else _Due()
+
+        def rated(lows: Lows, least: float, limit: float) -> Any:
+            return native.rate(
+                *(*ring, self.stretch, self.reach, limit, lows, self.rest, level),
+                *(due.columns, due.rows, due.powers, due.places, least),
+            )
+
+        null = self.null
+        if fresh and null is not None:
+            counted, low = null.least(self.threshold), null.cell_limit(self.threshold)
+
+            def makes_group(lows: Lows, shorter: int) -> bool:
+                hits = rated(lows, counted, low)[1]
+                return bool(hits) and bool(self._candidates(due, hits, shorter))
+
+            null.count(fresh, makes_group if due.columns else None)
+        if not due.columns:
+            return []
+        largest, hits = rated(self.lows, self.threshold * self.margin, self.limit)
+        self.best = max(self.best, largest / self.threshold)
+        if hits and len(due.columns) > GROUPS.anchors_at_once:
+            return best_first(self._tested_candidates(due, level))
+        return best_first(self._candidates(due, hits)) if hits else []
+
+    def _count_null(self, due: "_Due", noise: NDArray[np.float32], fresh: int) -> None:
+        """Test for groups at the intervals of the null lattices, as in the search itself."""
+        null = self.null
+        if null is None:
+            return
+        least, limit = null.least(self.threshold), null.cell_limit(self.threshold)
+
+        def makes_group(lows: Lows, shorter: int) -> bool:
+            tested = self._test(due, noise, lows, limit)
+            some = bool((tested.best >= least).any())
+            return some and bool(self._collect(tested, least, shorter))
+
+        null.count(fresh, makes_group if due.columns else None)
+
+    def _tested_candidates(self, due: "_Due", noise: NDArray[np.float32]) -> list[Candidate]:
+        """Test all due anchors; return the candidates that reach the threshold."""
+        found = []
+        for first in range(0, len(due.columns), GROUPS.anchors_at_once):
+            some = due.part(slice(first, first + GROUPS.anchors_at_once))
+            tested = self._test(some, noise, self.lows, self.limit)
+            largest = float(tested.best.max())
+            self.best = max(self.best, largest / self.threshold)
+            least = self.threshold * self.margin
+            if largest >= least:
+                found += self._collect(tested, least)
+        return found
+
+    def _test(
+        self, due: "_Due", noise: NDArray[np.float32], lows: NDArray[np.intp], limit: float
+    ) -> "_Tested":
+        """Test each anchor at its place in the group, with every interval."""
+        reach = self.reach
+        column, row, place = np.array(due.columns), np.array(due.rows), np.array(due.places)
+        power = np.array(due.powers, np.float32)
+        level = noise[row]
+        limits = level * np.float32(limit) if self.k > 1 else np.full_like(level, np.inf)
+        where = (column[:, np.newaxis] + lows[place]) % self.length
+        where += (row * self.width)[:, np.newaxis]
+        # Maxima over the jitter along each other pulse's columns, by doubling.
+        largest = _stretches(self.memory, self.stretch)[where]
+        covered = 1
+        while covered < 2 * reach + 1:
+            shift = min(covered, 2 * reach + 1 - covered)
+            largest = np.maximum(largest[..., :-shift], largest[..., shift:])
+            covered += shift
+        starts = np.arange(where.size) * largest.shape[2]
+        at = self.rest[place] + starts.reshape(where.shape)[:, :, np.newaxis]
+        cells = largest.reshape(-1).take(at)
+        totals = np.minimum(cells, limits[:, np.newaxis, np.newaxis]).sum(axis=1)
+        totals += np.minimum(power, limits)[:, np.newaxis]
+        return _Tested(
+            column=column,
+            row=row,
+            place=place,
+            power=power,
+            level=level,
+            cells=cells,
+            totals=totals,
+            best=totals.max(axis=1) / level,
+        )
+
+    def _collect(self, tested: "_Tested", least: float, shorter: int = 0) -> list[Candidate]:
+        """Create candidates from the tested anchors whose sum is at least `least`."""
+        hits = np.flatnonzero(tested.best >= least)
+        best, level = tested.best[hits], tested.level[hits][:, np.newaxis]
+        strengths = (tested.cells[hits].sum(axis=1) + tested.power[hits][:, np.newaxis]) / level
         # Of intervals made equal by the limit, take the one with the most power.
-        totals = tested.totals[part][hits] / level[hits][:, np.newaxis]
-        strengths[totals < best[hits][:, np.newaxis] - 0.01] = 0.0
+        strengths[tested.totals[hits] / level < best[:, np.newaxis] - 0.01] = 0.0
         strength = strengths.max(axis=1)
         strongest = np.argsort(-strength)[: GROUPS.candidates_at_once]
         which = hits[strongest]
         interval = self.intervals[strengths.argmax(axis=1)[strongest]] - shorter
-        after = np.arange(self.k) - tested.place[part][which][:, np.newaxis]
-        columns = tested.column[part][which][:, np.newaxis] + after * interval[:, np.newaxis]
-        score, strength, row = best[which], strength[strongest], tested.row[part][which]
-        return self._unknown(score, strength, row, columns)
+        after = np.arange(self.k) - tested.place[which][:, np.newaxis]
+        columns = tested.column[which][:, np.newaxis] + after * interval[:, np.newaxis]
+        return self._unknown(best[strongest], strength[strongest], tested.row[which], columns)
 
-    def candidates(
+    def _candidates(
         self, due: "_Due", hits: list[tuple[int, float, float, int]], shorter: int = 0
     ) -> list[Candidate]:
         """Create candidates from anchors that the compiled kernel found above the threshold."""
@@ -231,13 +325,15 @@ class AnchorSearch(RateSearch):
 
 @dataclass(slots=True)
 class _Due:
-    """Anchors to be tested, in the order of their searches."""
+    """Anchors to be tested: columns, rows, powers, and their places among the K pulses."""
 
     columns: list[int] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     powers: list[float] = field(default_factory=list)
     places: list[int] = field(default_factory=list)
-    members: list[int] = field(default_factory=list)
+
+    def part(self, some: slice) -> "_Due":
+        return _Due(self.columns[some], self.rows[some], self.powers[some], self.places[some])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -256,223 +352,6 @@ class _Tested:
     """(anchors, intervals) sums of a group's powers, each limited to one cell's maximum."""
     best: NDArray[np.float32]
     """(anchors,) largest sum of powers over the intervals, for each anchor [noise powers]."""
-
-
-def search_together(
-    searches: Sequence[AnchorSearch], power: NDArray[np.float32], noise: NDArray[np.float32]
-) -> list[list[Candidate]]:
-    """Add columns to several searches of equal settings; each one's candidates, best first."""
-    if kernels() is not None:
-        return [
-            _search_by_kernel(search, columns, level)
-            for search, columns, level in zip(searches, power, noise, strict=True)
-        ]
-    found: list[list[Candidate]] = [[] for _ in searches]
-    for search, columns in zip(searches, power, strict=True):
-        search.append(columns)
-    fresh = searches[0].fresh
-    if not fresh:
-        return found
-    _note_anchors(searches, noise)
-    due = _Due()
-    for member, search in enumerate(searches):
-        first = len(due.columns)
-        search.take_due(due, member)
-        _count_null(search, due, slice(first, None), noise[member], fresh)
-    if due.columns:
-        _test_all(searches, due, noise, found)
-        for some in found:
-            best_first(some)
-    return found
-
-
-def _search_by_kernel(
-    search: AnchorSearch, power: NDArray[np.float32], level: NDArray[np.float32]
-) -> list[Candidate]:
-    native = kernels()
-    if power.strides[1] != power.itemsize:
-        power = np.ascontiguousarray(power)
-    search.allocate()
-    at, first = search.pushed % search.length, search.columns
-    search.pushed += power.shape[1]
-    fresh = search.fresh
-    begin = search.advance(fresh) if fresh else 0
-    ring = (search.memory, search.base, search.rows, search.width, search.length)
-    share = search.threshold / search.k
-    search.note(*native.note(*ring, at, begin, fresh, first, search.reach, share, level, power))
-    due = _Due()
-    if fresh:
-        search.take_due(due, 0)
-
-    def rated(lows: NDArray[np.intp], least: float, limit: float) -> Any:
-        return native.rate(
-            *(*ring, search.stretch, search.reach, limit, lows, search.rest, level),
-            *(due.columns, due.rows, due.powers, due.places, least),
-        )
-
-    null = search.null
-
-    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
-        assert null is not None
-        hits = rated(lows, null.least(search.threshold), null.cell_limit(search.threshold))[1]
-        return bool(hits) and bool(search.candidates(due, hits, shorter))
-
-    if fresh and null is not None:
-        null.count(fresh, makes_group if due.columns else None)
-    if not due.columns:
-        return []
-    largest, hits = rated(search.lows, search.threshold * search.margin, search.limit)
-    search.best = max(search.best, largest / search.threshold)
-    if hits and len(due.columns) > GROUPS.anchors_at_once:
-        found: list[list[Candidate]] = [[]]
-        _test_all([search], due, level[np.newaxis], found)
-        return best_first(found[0])
-    return best_first(search.candidates(due, hits)) if hits else []
-
-
-def _count_null(
-    search: AnchorSearch, due: _Due, part: slice, level: NDArray[np.float32], fresh: int
-) -> None:
-    null = search.null
-    if null is None:
-        return
-    column, row = np.array(due.columns[part]), np.array(due.rows[part])
-    place, power = np.array(due.places[part]), np.array(due.powers[part], np.float32)
-
-    def makes_group(lows: NDArray[np.intp], shorter: int) -> bool:
-        lattice = copy.copy(search)
-        lattice.lows, lattice.limit = lows, null.cell_limit(search.threshold)
-        member = np.zeros(len(column), np.intp)
-        tested = _test([lattice], member, column, row, place, power, level[np.newaxis])
-        least = null.least(search.threshold)
-        some = bool((tested.best >= least).any())
-        return some and bool(search.collect(tested, slice(None), least, shorter))
-
-    null.count(fresh, makes_group if len(column) else None)
-
-
-def _note_anchors(searches: Sequence[AnchorSearch], noise: NDArray[np.float32]) -> None:
-    reach, rows, fresh = searches[0].reach, searches[0].rows, searches[0].fresh
-    mask = np.empty((len(searches), rows, fresh), np.bool_)
-    places = []
-    for search, level, strong in zip(searches, noise, mask, strict=True):
-        first = search.columns
-        at = search.advance(fresh)
-        needed = np.float32(search.threshold / search.k) * level
-        np.greater_equal(search.cells[:, at : at + fresh], needed[:, np.newaxis], out=strong)
-        places.append((search.base, search.width, search.length, at, first))
-    # In one dimension: in two, NumPy visits all cells, at 40 times the cost.
-    cells = mask.reshape(-1).nonzero()[0]
-    if not len(cells):
-        return
-    line, column = np.divmod(cells, fresh)
-    member, row = np.divmod(line, rows)
-    base, width, length, at, first = np.array(places).T[:, member]
-    starts = base + row * width + (at + column - reach) % length
-    around = _stretches(searches[0].memory, 2 * reach + 1)[starts]
-    power = around[:, reach]
-    peaks = (power >= around.max(axis=1)).nonzero()[0]
-    member = member[peaks]
-    order = (member * fresh + column[peaks]).argsort(kind="stable")
-    peaks = peaks[order]
-    columns, which = (first + column)[peaks].tolist(), row[peaks].tolist()
-    powers = power[peaks].tolist()
-    upto = 0
-    for search, count in zip(searches, np.bincount(member).tolist(), strict=False):
-        part = slice(upto, upto + count)
-        search.note(columns[part], which[part], powers[part])
-        upto += count
-
-
-def _test_all(
-    searches: Sequence[AnchorSearch],
-    due: _Due,
-    noise: NDArray[np.float32],
-    found: list[list[Candidate]],
-) -> None:
-    member = np.array(due.members)
-    column, row = np.array(due.columns), np.array(due.rows)
-    place, power = np.array(due.places), np.array(due.powers, np.float32)
-    first = 0
-    parts: list[tuple[int, slice]] = []
-    for index in range(len(searches)):
-        last = bisect.bisect_right(due.members, index, first)
-        while first < last:
-            part = slice(first, min(first + GROUPS.anchors_at_once, last))
-            parts.append((index, part))
-            first = part.stop
-    begin = 0
-    for number, (_, part) in enumerate(parts):
-        if part.stop - parts[begin][1].start < GROUPS.anchors_at_once and number + 1 < len(
-            parts
-        ):
-            continue
-        low = parts[begin][1].start
-        some = slice(low, part.stop)
-        tested = _test(
-            searches, member[some], column[some], row[some], place[some], power[some], noise
-        )
-        best = tested.best.tolist()
-        for index, own in parts[begin : number + 1]:
-            search = searches[index]
-            own = slice(own.start - low, own.stop - low)
-            largest = max(best[own])
-            search.best = max(search.best, largest / search.threshold)
-            least = search.threshold * search.margin
-            if largest >= least:
-                found[index] += search.collect(tested, own, least)
-        begin = number + 1
-
-
-def _test(
-    searches: Sequence[AnchorSearch],
-    member: NDArray[np.intp],
-    column: NDArray[np.intp],
-    row: NDArray[np.intp],
-    place: NDArray[np.intp],
-    power: NDArray[np.float32],
-    noise: NDArray[np.float32],
-) -> _Tested:
-    k, reach = searches[0].k, searches[0].reach
-    rows = searches[0].rows
-    level = noise.reshape(-1)[member * rows + row]
-    limit = searches[0].limit
-    limits = level * np.float32(limit) if k > 1 else np.full_like(level, np.inf)
-    if len(searches) == 1:
-        search = searches[0]
-        lows, rest, stretch = search.lows[place], search.rest[place], search.stretch
-        where = (column[:, np.newaxis] + lows) % search.length
-        where += (search.base + row * search.width)[:, np.newaxis]
-    else:
-        table = member * k + place
-        lows = np.concatenate([search.lows for search in searches])[table]
-        rest = np.concatenate([search.rest for search in searches])[table]
-        stretch = max(search.stretch for search in searches)
-        layout = np.array([(s.base, s.width, s.length) for s in searches])
-        base, width, length = layout.T[:, member]
-        where = (column[:, np.newaxis] + lows) % length[:, np.newaxis]
-        where += (base + row * width)[:, np.newaxis]
-    largest = _stretches(searches[0].memory, stretch)[where]
-    covered = 1
-    while covered < 2 * reach + 1:
-        shift = min(covered, 2 * reach + 1 - covered)
-        largest = np.maximum(largest[..., :-shift], largest[..., shift:])
-        covered += shift
-    starts = np.arange(where.size) * largest.shape[2]
-    rest += starts.reshape(where.shape)[:, :, np.newaxis]
-    cells = largest.reshape(-1).take(rest)
-    totals = np.minimum(cells, limits[:, np.newaxis, np.newaxis]).sum(axis=1)
-    totals += np.minimum(power, limits)[:, np.newaxis]
-    return _Tested(
-        column=column,
-        row=row,
-        place=place,
-        power=power,
-        level=level,
-        cells=cells,
-        totals=totals,
-        best=totals.max(axis=1) / level,
-    )
 
 
 def _stretches(memory: NDArray[np.float32], length: int) -> NDArray[np.float32]:

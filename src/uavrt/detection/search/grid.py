@@ -15,7 +15,6 @@ anchor.
 
 import cmath
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -96,8 +95,10 @@ class Grid:
         hop = self.hop // self.decimation
         count = max(0, (len(samples) - self.length) // hop + 1)
         result = np.empty((self.rows, count), np.float32)
-        if self.halves is not None and self.for_kernel:
-            self.power_by_kernel(samples, result, 0, count)
+        native = kernels() if self.length <= GRID.kernel_window else None
+        if self.halves is not None and native is not None:
+            work = np.empty(2 * hop * (count + self.length // hop + 32), np.float32)
+            native.powers(samples, hop, self.length, *self.halves, result, 0, count, work)
         elif self.halves is not None:
             self._power_by_halves(samples, result)
         elif self.matrix is not None:
@@ -111,85 +112,36 @@ class Grid:
                 some += product.imag * product.imag
         return result.T
 
-    @property
-    def for_kernel(self) -> bool:
-        """True if the compiled kernel can compute the power of this grid's cells."""
-        small = self.halves is not None and self.length <= GRID.kernel_window
-        return small and kernels() is not None
-
-    def power_by_kernel(
-        self,
-        samples: NDArray[np.complex64],
-        power: NDArray[np.float32],
-        first: int,
-        columns: int,
-    ) -> None:
-        """Write the power of columns, (rows, columns), into `power` from index `first` on."""
-        assert self.halves is not None
-        hop = self.hop // self.decimation
-        work = np.empty(2 * hop * (columns + self.length // hop + 32), np.float32)
-        kernels().powers(
-            *(samples, hop, self.length, *self.halves, power, first, columns, work)
-        )
-
     def _power_by_halves(
         self, samples: NDArray[np.complex64], result: NDArray[np.float32]
     ) -> None:
+        """Write the power of rows at ± f together, with a quarter of the multiplications, all
+        real.
+
+        Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform
+        at ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
+        """
         assert self.halves is not None
-        parts = np.empty((2, 1, len(samples)), np.float32)
-        parts[0, 0], parts[1, 0] = samples.real, samples.imag
-        chunk = max(1, GRID.blas_product // self.halves[0].size)
+        cosines, sines = self.halves
+        hop, half, length = self.hop // self.decimation, self.length // 2, self.length
+        parts = np.stack((samples.real, samples.imag))
+        middle, total = self.rows // 2, len(samples)
+        chunk = max(1, GRID.blas_product // cosines.size)
         for first in range(0, result.shape[1], chunk):
-            power = result[np.newaxis, :, first : first + chunk]
-            power_by_halves(
-                self, parts, power, first, lambda _name, shape: np.empty(shape, np.float32)
+            power = result[:, first : first + chunk]
+            frames = np.ndarray(
+                (2, length, power.shape[1]),
+                np.float32,
+                parts,
+                4 * first * hop,
+                (4 * total, 4, 4 * hop),
             )
-
-
-def power_by_halves(
-    grid: Grid,
-    parts: NDArray[np.float32],
-    power: NDArray[np.float32],
-    first: int,
-    take: Callable[[str, tuple[int, ...]], NDArray[np.float32]],
-) -> None:
-    """Write the power of rows at ± f together, with a quarter of the multiplications, all real.
-
-    Around a window's middle, let e(n) = x(n) + x(-n) and o(n) = x(n) - x(-n). The transform at
-    ± f is A ∓ jB, with A the sum of e cos and B that of o sin.
-    """
-    assert grid.halves is not None
-    cosines, sines = grid.halves
-    hop, half, length = grid.hop // grid.decimation, grid.length // 2, grid.length
-    tags, total = parts.shape[1:]
-    columns, middle = power.shape[2], grid.rows // 2
-    frames = np.ndarray(
-        (2, tags, length, columns),
-        np.float32,
-        parts,
-        4 * first * hop,
-        (4 * total * tags, 4 * total, 4, 4 * hop),
-    )
-    late, early = frames[:, :, length - half :], frames[:, :, half - 1 :: -1]
-    even = take("even", (2, tags, length - half, columns))
-    odd = take("odd", (2, tags, half, columns))
-    np.add(late, early, out=even[:, :, :half])
-    even[:, :, half:] = frames[:, :, half : length - half]
-    np.subtract(late, early, out=odd)
-    shape = (2, tags, middle + 1, columns)
-    a = np.matmul(cosines, even, out=take("a", shape))
-    b = np.matmul(sines, odd, out=take("b", shape))
-    one, two = take("one", shape[1:]), take("two", shape[1:])
-    # Write the power last: strided rows are slow, all other accesses are contiguous.
-    for out, join, part in (
-        (power[:, middle::-1], np.subtract, np.add),
-        (power[:, middle:], np.add, np.subtract),
-    ):
-        join(a[0], b[1], out=one)
-        part(a[1], b[0], out=two)
-        np.multiply(one, one, out=one)
-        np.multiply(two, two, out=two)
-        np.add(one, two, out=out)
+            late, early = frames[:, length - half :], frames[:, half - 1 :: -1]
+            even = np.concatenate((late + early, frames[:, half : length - half]), axis=1)
+            a, b = np.matmul(cosines, even), np.matmul(sines, late - early)
+            # Write the power last: strided rows are slow, all other accesses are contiguous.
+            power[middle::-1] = (a[0] - b[1]) ** 2 + (a[1] + b[0]) ** 2
+            power[middle:] = (a[0] + b[1]) ** 2 + (a[1] - b[0]) ** 2
 
 
 class Spectrogram:

@@ -11,7 +11,6 @@ used.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,17 +142,51 @@ class Leveller:
         whole: NDArray[np.bool_] | None = None,
     ) -> None:
         """Divide new columns by their noise, in place; `first`: number of the first column."""
-        level_together([self], power[np.newaxis], [noise], [first], [whole])
+        if not power.shape[1]:
+            return
+        # The noise level stays unchanged where samples were lost.
+        lost = np.zeros(0, np.bool_) if whole is None else ~whole
+        usual = share = np.zeros(0, np.float32)
+        if lost.any():
+            usual = (noise * self._now[self.band_of])[:, np.newaxis]
+            share = np.zeros_like(power[:, lost])
+            np.divide(power[:, lost], usual, out=share, where=usual > 0.0)
+            power[:, lost] = usual
+        if kernels() is not None and power.strides[1] == power.itemsize:
+            self._level_by_kernel(power, noise, first, whole)
+        else:
+            self._level_by_numpy(power, noise, first, whole)
+        if lost.any():
+            power[:, lost] *= share
 
-    def _keep_steady(
-        self, both: NDArray[np.float32], weights: NDArray[np.float32], mean: float
-    ) -> float:
+    def _level_by_numpy(
+        self,
+        power: NDArray[np.float32],
+        noise: NDArray[np.float32],
+        first: int,
+        whole: NDArray[np.bool_] | None,
+    ) -> None:
+        cells = power[:, ::SLOT] / noise[:, np.newaxis]
+        count = cells.shape[1]
+        limit = np.float32(LEVEL.most_power) * self._now[self.band_of]
+        new = self._sums @ np.minimum(cells, limit[:, np.newaxis]) / np.float32(_MEAN)
+        both = np.concatenate((self._past, new), axis=1)
+        weights = np.ones(both.shape[1], np.float32)
+        weights[:-count] = self._whole
+        if whole is not None:
+            weights[-count:] = whole[::SLOT]
+        mean = _steady_mean(both, weights, self._members, self._bins)
+        if mean is None:
+            self._level(power, noise, first, both, weights)
+            return
         self.unsteady = self.uneven = False
         total = max(float(weights.sum()), 1.0)
         level = mean * (1.0 + 0.5 * self._steepness * LEVEL.slot_variance / self._bins / total)
         self._now[:] = mean
         self._keep_past(both, weights)
-        return level
+        self.record.note(first, np.full(count, level, np.float32), None)
+        self._average()
+        power *= np.float32(1.0) / np.float32(level)
 
     def _keep_past(self, both: NDArray[np.float32], weights: NDArray[np.float32]) -> None:
         past = LEVEL.past_slots
@@ -194,7 +227,7 @@ class Leveller:
         slots = power[:, ::SLOT]
         past = both.shape[1] - slots.shape[1]
         if not self._nearly_steady(both):
-            both[:, past:] = self._robust(slots, noise, both, past)
+            both[:, past:] = _robust(self._sums, self.band_of, slots, noise, both, past)
         found = self._follow(both, weights, past)
         measured, bands = found.measured, found.bands
         self.record.correct(measured, past)
@@ -228,36 +261,6 @@ class Leveller:
 
     def _common(self, bands: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.asarray(self._members @ bands / self._members.sum(), np.float32)
-
-    def _robust(
-        self,
-        slots: NDArray[np.float32],
-        noise: NDArray[np.float32],
-        both: NDArray[np.float32],
-        past: int,
-    ) -> NDArray[np.float32]:
-        """(bands, slots) mean power of each band's new cells, limited by neighbouring cells."""
-        width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
-        half = width // 2
-        lead = min(past, half)
-        cells = slots / noise[:, np.newaxis]
-        x = self._sums @ cells
-        # The usual level of the newest slots is unknown: use the quartile of the bands.
-        newest = np.zeros_like(x)
-        last = LEVEL.beside_slots[0]
-        newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
-        for _ in range(2):
-            around = np.concatenate((both[:, past - lead : past], x), axis=1)
-            if len(around) > 2:
-                padded = np.pad(around, ((1, 1), (0, 0)), mode="edge")
-                around = (padded[:-2] + padded[1:-1] + padded[2:]) / np.float32(3.0)
-            padded = np.pad(around, ((0, 0), (half, half)), mode="reflect")
-            windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=1)
-            usual = np.partition(windows, half, axis=2)[:, lead:, half]
-            usual = np.maximum(usual, np.maximum(newest, np.float32(LEVEL.least_level)))
-            x = self._sums @ np.minimum(cells, most * usual[self.band_of])
-            x /= np.float32(_MEAN)
-        return x
 
     def _follow(
         self, both: NDArray[np.float32], weights: NDArray[np.float32], past: int
@@ -451,135 +454,71 @@ def _segments(
     return np.asarray(mean, np.float32)
 
 
-def level_together(
-    levellers: Sequence[Leveller],
-    power: NDArray[np.float32],
-    noise: Sequence[NDArray[np.float32]],
-    first: Sequence[int],
-    whole: Sequence[NDArray[np.bool_] | None],
-) -> None:
-    """Run `Leveller.level` for several searches; `power`: (searches, rows, columns)."""
-    if not power.shape[2]:
-        return
-    # The noise level stays unchanged where samples were lost.
-    unknown = []
-    for leveller, columns, level, good in zip(levellers, power, noise, whole, strict=True):
-        if good is None or good.all():
-            continue
-        usual = (level * leveller._now[leveller.band_of])[:, np.newaxis]
-        share = np.zeros_like(columns[:, ~good])
-        np.divide(columns[:, ~good], usual, out=share, where=usual > 0.0)
-        unknown.append((columns, ~good, share))
-        columns[:, ~good] = usual
-    _level_together(levellers, power, noise, first, whole)
-    for columns, at, share in unknown:
-        columns[:, at] *= share
-
-
-def _level_together(
-    levellers: Sequence[Leveller],
-    power: NDArray[np.float32],
-    noise: Sequence[NDArray[np.float32]],
-    first: Sequence[int],
-    whole: Sequence[NDArray[np.bool_] | None],
-) -> None:
-    if kernels() is not None and power.strides[2] == power.itemsize:
-        for leveller, columns, level, at, good in zip(
-            levellers, power, noise, first, whole, strict=True
-        ):
-            leveller._level_by_kernel(columns, level, at, good)
-        return
-    alike: dict[tuple[int, int], list[int]] = {}
-    for index, leveller in enumerate(levellers):
-        key = (leveller._past.shape[1], len(leveller.band_of))
-        alike.setdefault(key, []).append(index)
-    for some in alike.values():
-        piece = power if len(some) == len(power) else power[some]
-        _level_alike(
-            [levellers[i] for i in some],
-            piece,
-            np.stack([noise[i] for i in some]),
-            [first[i] for i in some],
-            [whole[i] for i in some],
-        )
-        if piece is not power:
-            power[some] = piece
-
-
-def _level_alike(
-    levellers: Sequence[Leveller],
-    power: NDArray[np.float32],
-    noise: NDArray[np.float32],
-    first: Sequence[int],
-    whole: Sequence[NDArray[np.bool_] | None],
-) -> None:
-    """Divide the columns of searches with equal bands and past slots by their noise levels."""
-    one = levellers[0]
-    columns = power.shape[2]
-    cells = power[:, :, ::SLOT] / noise[:, :, np.newaxis]
-    count = cells.shape[2]
-    limit = np.stack([leveller._now for leveller in levellers])[:, one.band_of]
-    np.minimum(cells, (np.float32(LEVEL.most_power) * limit)[:, :, np.newaxis], out=cells)
-    new = np.matmul(one._sums, cells)
-    new /= np.float32(_MEAN)
-    both = np.concatenate((np.stack([leveller._past for leveller in levellers]), new), axis=2)
-    weights = np.ones((len(levellers), both.shape[2]), np.float32)
-    for index, (leveller, good) in enumerate(zip(levellers, whole, strict=True)):
-        weights[index, :-count] = leveller._whole
-        if good is not None:
-            weights[index, -count:] = good[::SLOT]
-    mean, steady = _steady(both, weights, one._members, one._bins)
-    levels = np.ones(len(levellers), np.float32)
-    for index, leveller in enumerate(levellers):
-        if steady[index]:
-            own = leveller._keep_steady(both[index], weights[index], float(mean[index]))
-            leveller.record.note(first[index], np.full(count, own, np.float32), None)
-            leveller._average()
-            levels[index] = own
-    if columns and bool(steady.any()):
-        power *= (1.0 / levels)[:, np.newaxis, np.newaxis]
-    for index in np.flatnonzero(~steady).tolist():
-        levellers[index]._level(
-            power[index], noise[index], first[index], both[index], weights[index]
-        )
-
-
-def _steady(
+def _steady_mean(
     both: NDArray[np.float32],
     weights: NDArray[np.float32],
     members: NDArray[np.float32],
     bins: float,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """(searches,) mean noise level of each search's slots, and True if it may be constant."""
-    common = np.matmul(members / members.sum(), both)
-    common *= weights
-    total = np.maximum(weights.sum(axis=1), np.float32(1.0))
-    mean = np.maximum(common.sum(axis=1) / total, np.float32(LEVEL.least_level))
-    pieces = common.shape[1] // LEVEL.piece_slots
-    tail = slice(common.shape[1] - pieces * LEVEL.piece_slots, None)
-    shape = (len(common), pieces, LEVEL.piece_slots)
-    some = weights[:, tail].reshape(shape).sum(axis=2)
-    sums = common[:, tail].reshape(shape).sum(axis=2)
-    scale = LEVEL.doubt_sigmas * math.sqrt(LEVEL.slot_variance / bins) * mean[:, np.newaxis]
-    steady = np.ones(len(common), np.bool_)
+) -> float | None:
+    """Mean noise level of all slots if it may be constant; None otherwise."""
+    common = members / members.sum() @ both * weights
+    total = np.maximum(weights.sum(), np.float32(1.0))
+    mean = np.maximum(common.sum() / total, np.float32(LEVEL.least_level))
+    pieces = len(common) // LEVEL.piece_slots
+    tail = slice(len(common) - pieces * LEVEL.piece_slots, None)
+    some = weights[tail].reshape(pieces, -1).sum(axis=1)
+    sums = common[tail].reshape(pieces, -1).sum(axis=1)
+    scale = LEVEL.doubt_sigmas * math.sqrt(LEVEL.slot_variance / bins) * mean
     for _ in range(3):
-        away = np.abs(sums - some * mean[:, np.newaxis])
-        steady &= (away <= scale * np.sqrt(np.maximum(some, np.float32(1.0)))).all(axis=1)
+        away = np.abs(sums - some * mean)
+        if not (away <= scale * np.sqrt(np.maximum(some, np.float32(1.0)))).all():
+            return None
         pieces //= 2
         if pieces < 2:
             break
-        some = some[:, -2 * pieces :].reshape(-1, pieces, 2).sum(axis=2)
-        sums = sums[:, -2 * pieces :].reshape(-1, pieces, 2).sum(axis=2)
-    own = np.matmul(both, weights[:, :, np.newaxis])[:, :, 0]
-    own /= (total * mean)[:, np.newaxis]
-    tall = np.zeros((len(own), own.shape[1] + 1), np.float32)
-    np.cumsum(own - np.float32(1.0), axis=1, out=tall[:, 1:])
+        some = some[-2 * pieces :].reshape(pieces, 2).sum(axis=1)
+        sums = sums[-2 * pieces :].reshape(pieces, 2).sum(axis=1)
+    own = both @ weights / (total * mean)
+    tall = np.zeros(len(own) + 1, np.float32)
+    np.cumsum(own - np.float32(1.0), out=tall[1:])
     error = LEVEL.band_doubt_sigmas * np.sqrt(
         LEVEL.slot_variance * ROWS_PER_BIN / members[0] / total
     )
     for width in (1, 3, 7):
-        if width > own.shape[1] // 2 + 1:
+        if width > len(own) // 2 + 1:
             break
-        most = np.abs(tall[:, width:] - tall[:, :-width]).max(axis=1)
-        steady &= most <= error * math.sqrt(width)
-    return mean, steady
+        if not np.abs(tall[width:] - tall[:-width]).max() <= error * math.sqrt(width):
+            return None
+    return float(mean)
+
+
+def _robust(
+    sums: NDArray[np.float32],
+    band_of: NDArray[np.intp],
+    slots: NDArray[np.float32],
+    noise: NDArray[np.float32],
+    both: NDArray[np.float32],
+    past: int,
+) -> NDArray[np.float32]:
+    """(bands, slots) mean power of each band's new cells, limited by neighbouring cells."""
+    width, most = LEVEL.median_slots, np.float32(LEVEL.most_power)
+    half = width // 2
+    lead = min(past, half)
+    cells = slots / noise[:, np.newaxis]
+    x = sums @ cells
+    # The usual level of the newest slots is unknown: use the quartile of the bands.
+    newest = np.zeros_like(x)
+    last = LEVEL.beside_slots[0]
+    newest[:, -last:] = np.quantile(x[:, -last:], 0.75, axis=0)
+    for _ in range(2):
+        around = np.concatenate((both[:, past - lead : past], x), axis=1)
+        if len(around) > 2:
+            padded = np.pad(around, ((1, 1), (0, 0)), mode="edge")
+            around = (padded[:-2] + padded[1:-1] + padded[2:]) / np.float32(3.0)
+        padded = np.pad(around, ((0, 0), (half, half)), mode="reflect")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, width, axis=1)
+        usual = np.partition(windows, half, axis=2)[:, lead:, half]
+        usual = np.maximum(usual, np.maximum(newest, np.float32(LEVEL.least_level)))
+        x = sums @ np.minimum(cells, most * usual[band_of])
+        x /= np.float32(_MEAN)
+    return x

@@ -5,7 +5,6 @@ then gives a false alarm in each segment.
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -27,10 +26,8 @@ def _truncated(
     power: NDArray[np.float32], noise: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """One iteration of the noise power as a truncated mean; and the share of cells used."""
-    kept = (power < (np.float32(NOISE.excluded_ratio) * noise)[..., np.newaxis, :]).astype(
-        np.float32
-    )
-    columns = power.shape[-2]
+    kept = (power < np.float32(NOISE.excluded_ratio) * noise).astype(np.float32)
+    columns = len(power)
     ones = np.ones(columns, np.float32)
     # Products with ones add columns several times faster than sums along an axis.
     count = ones @ kept
@@ -125,44 +122,39 @@ class RowNoise:
 
     def update(self, power: NDArray[np.float32]) -> None:
         """Update the noise estimate with the power of new columns (columns, rows)."""
-        if self._long is not None and len(power):
-            update_together([self], power[np.newaxis])
-
-    def _take(
-        self,
-        long: NDArray[np.float32],
-        exceeding: NDArray[np.float32],
-        span_s: float,
-        *,
-        risen: bool,
-    ) -> bool:
-        """Store new noise averages; returns True if the noise level must be recomputed."""
-        self._long, self._exceeding = long, exceeding
+        if self._long is None or self._exceeding is None or not len(power):
+            return
+        mean, kept = _truncated(power, self._long)
+        span_s = len(power) * self._column_s
+        short_weight = 1.0 - math.exp(-span_s / NOISE.short_s)
+        exceeding = self._exceeding
+        exceeding += np.float32(short_weight) * ((1.0 - kept) - exceeding)
         self._seen_s += span_s
-        if not risen:
-            return self._seen_s - self._settled_s > NOISE.settle_s
-        short_weight = _short_weight(span_s)
-        rise = np.float32(-NOISE.excluded_ratio) / np.log(np.clip(exceeding, 1e-3, 0.98))
-        rows = rise > NOISE.rise_ratio
-        # Learn a rise at the short time constant; falls take the long one.
-        long[rows] *= 1.0 + short_weight * (rise[rows] - 1.0)
-        self._settle()
-        self._level[rows] = np.maximum(
-            self._level[rows], long[rows] * rise[rows] / (1.0 + short_weight)
-        )
-        return False
+        weight = min(1.0, span_s * NOISE.step_gain / min(self._seen_s, NOISE.long_s))
+        long = self._long + np.float32(weight) * (mean - self._long)
+        if self.only_rises:
+            np.maximum(long, self._long, out=long)
+        self._long = long
+        if exceeding.max() > _RISEN:
+            rise = np.float32(-NOISE.excluded_ratio) / np.log(np.clip(exceeding, 1e-3, 0.98))
+            rows = rise > NOISE.rise_ratio
+            # Learn a rise at the short time constant; falls take the long one.
+            long[rows] *= 1.0 + short_weight * (rise[rows] - 1.0)
+            self._settle()
+            self._level[rows] = np.maximum(
+                self._level[rows], long[rows] * rise[rows] / (1.0 + short_weight)
+            )
+        elif self._seen_s - self._settled_s > NOISE.settle_s:
+            self._settle()
 
     def _settle(self) -> None:
         """Replace each row's noise by the median of rows around it, unless they differ much."""
         assert self._long is not None
+        self._settled_s = self._seen_s
         reach = self._reach(len(self._long))
         windows = self._long.take(_neighbours(len(self._long), reach, self._mode))
         windows.partition(reach, axis=1)
-        self._settle_on(windows[:, reach], reach)
-
-    def _settle_on(self, smooth: NDArray[np.float32], reach: int) -> None:
-        assert self._long is not None
-        self._settled_s = self._seen_s
+        smooth = windows[:, reach]
         if self._seen_s < NOISE.young_s and self._is_flat(smooth):
             # No more structure than by chance: all rows together give the better estimate.
             smooth = np.full_like(smooth, np.median(self._long))
@@ -224,40 +216,3 @@ class RowNoise:
     def _reach(self, rows: int) -> int:
         reach = NOISE.young_reach if self._seen_s < NOISE.young_s else NOISE.reach
         return min(reach, rows // 2)
-
-
-def update_together(noises: Sequence[RowNoise], power: NDArray[np.float32]) -> None:
-    """Run `RowNoise.update` for several bands with equal rows; `power` (n, columns, rows)."""
-    long = np.stack([noise._long for noise in noises if noise._long is not None])
-    exceeding = np.stack([n._exceeding for n in noises if n._exceeding is not None])
-    mean, kept = _truncated(power, long)
-    span_s = power.shape[1] * noises[0]._column_s
-    exceeding += np.float32(_short_weight(span_s)) * ((1.0 - kept) - exceeding)
-    weights = [
-        min(1.0, span_s * NOISE.step_gain / min(noise._seen_s + span_s, NOISE.long_s))
-        for noise in noises
-    ]
-    before, long = long, long + np.array(weights, np.float32)[:, np.newaxis] * (mean - long)
-    for index, noise in enumerate(noises):
-        if noise.only_rises:
-            np.maximum(long[index], before[index], out=long[index])
-    risen = (exceeding.max(axis=1) > _RISEN).tolist()
-    due = [
-        index
-        for index, noise in enumerate(noises)
-        if noise._take(long[index], exceeding[index], span_s, risen=risen[index])
-    ]
-    if not due:
-        return
-    first, rows = noises[due[0]], long.shape[1]
-    reaches = {noises[index]._reach(rows) for index in due}
-    for reach in reaches:
-        some = [index for index in due if noises[index]._reach(rows) == reach]
-        windows = long[some].take(_neighbours(rows, reach, first._mode), axis=1)
-        windows.partition(reach, axis=2)
-        for index, smooth in zip(some, windows[:, :, reach], strict=True):
-            noises[index]._settle_on(smooth, reach)
-
-
-def _short_weight(span_s: float) -> float:
-    return 1.0 - math.exp(-span_s / NOISE.short_s)

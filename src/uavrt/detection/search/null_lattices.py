@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from uavrt.detection.search.tuning import GROUPS, NULL
 
 _WHITE_K = np.log(NULL.ks)
-Test = Callable[[NDArray[np.intp], int], bool]
+Lows = NDArray[np.intp]
+"""(places, K - 1) columns from an anchor to the range of each other pulse of its group."""
+Test = Callable[[Lows, int], bool]
 """Function that tests whether the present strong cells form a group at an interval shorter than
 the tag's. Arguments: `lows`, the first columns of the ranges of the group's other pulses, and
 the reduction of the interval [columns]."""

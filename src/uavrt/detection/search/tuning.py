@@ -19,8 +19,6 @@ class SpectrogramTuning:
     """Attenuation of aliases by the filter that decimates to the tag's band [dB]."""
     kernel_window: int = 254
     """Maximum pulse length for which the compiled transform is used [samples]."""
-    tags_at_once: int = 4
-    """Number of tags with spectra computed together: their arrays fit a cache of 1 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

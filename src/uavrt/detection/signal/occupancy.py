@@ -37,13 +37,14 @@ class Occupancy:
         if not count:
             return
         windows = samples[: count * self._length].reshape(count, self._length)
-        received = (windows[:, :: OCCUPANCY.stride] != 0.0).mean(axis=1)
-        windows, received = (
-            windows[received > OCCUPANCY.least_received],
-            received[received > OCCUPANCY.least_received],
-        )
-        if not len(windows):
-            return
+        present = windows[:, :: OCCUPANCY.stride] != 0.0
+        received: NDArray[np.float64] | np.float64 = np.float64(1.0)
+        if not present.all():
+            share = present.mean(axis=1)
+            enough = share > OCCUPANCY.least_received
+            windows, received = windows[enough], share[enough]
+            if not len(windows):
+                return
         cells = windows @ self._filters
         power = (cells.real**2 + cells.imag**2).mean(axis=1) / received
         risen = self._quiet * math.exp(count * self._length_s / OCCUPANCY.rise_s)

@@ -54,12 +54,12 @@ class Whitener:
             return
         length = self._length
         hop = length // 2
-        count = (len(samples) - length) // hop + 1
-        if count < 1:
+        if len(samples) < length:
             return
-        starts = np.arange(count) * hop
-        pieces = np.lib.stride_tricks.sliding_window_view(samples, length)[starts]
-        pieces = pieces[(pieces[:, ::8] != 0.0).mean(axis=1) > 0.9]
+        pieces = np.lib.stride_tricks.sliding_window_view(samples, length)[::hop]
+        present = pieces[:, ::8] != 0.0
+        if not present.all():
+            pieces = pieces[present.mean(axis=1) > 0.9]
         if not len(pieces):
             return
         spectrum = np.fft.fft(pieces * self._taper)

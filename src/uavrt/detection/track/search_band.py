@@ -1,6 +1,5 @@
 """Search one band of frequencies: its spectrogram, its noise, and a search for each rate."""
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -8,15 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavrt.core.messages import Tag
-from uavrt.detection.search.anchors import AnchorSearch, search_together
+from uavrt.detection.search.anchors import AnchorSearch
 from uavrt.detection.search.grid import Grid, Spectrogram
 from uavrt.detection.search.group_evidence import gate
 from uavrt.detection.search.hypotheses import Candidate, RateSearch, best_first
 from uavrt.detection.search.known_pulses import KnownPulses
-from uavrt.detection.search.levelling import SLOT, Leveller, level_together
-from uavrt.detection.search.noise import RowNoise, update_together
+from uavrt.detection.search.levelling import SLOT, Leveller
+from uavrt.detection.search.noise import RowNoise
 from uavrt.detection.search.rate_hypotheses import make_searches
-from uavrt.detection.search.spectra import Workspace, columns_ahead, push_together
 from uavrt.detection.search.thresholds import weakest_enr_db, young_margin
 from uavrt.detection.search.tuning import THRESHOLDS
 from uavrt.detection.signal.sample_buffer import SampleBuffer
@@ -107,11 +105,6 @@ class SearchBand:
         # The cells of all rates are the same.
         self._searches[0].pass_on = self._bursts.add
         self._begun = 0
-        self._kind: tuple[int, ...] | None = None
-        """Properties by which bands may advance together; None: this band advances alone."""
-        if grid.halves is not None and len(self.anchor_searches) == len(self._searches):
-            kinds = [search.kind() for search in self.anchor_searches]
-            self._kind = (id(grid.halves), grid.hop, grid.rows, *itertools.chain(*kinds))
         self._excluded = bounds.excluded_rows(grid.offsets_hz)
         self._unsure = False
         """True while the noise estimate is uncertain: for ten seconds in a narrow band."""
@@ -164,20 +157,6 @@ class SearchBand:
                 found += search.finish(level)
             results.append((search, best_first(found)))
         return results
-
-    def batch_key(self, upto: int) -> tuple[int, ...] | None:
-        """Properties that bands run by one `advance_together` share; None: searched alone."""
-        spectrogram = self._spectrogram
-        first = spectrogram.needed()
-        if first < 0 or not self._noise.ready or self._kind is None:
-            return None
-        columns = columns_ahead(spectrogram, upto - first)
-        key = [upto - first, len(spectrogram.band)]
-        for search in self.anchor_searches:
-            if not 0 < columns <= search.piece:
-                return None
-            key += (search.pushed - search.columns, id(search.memory))
-        return (*key, *self._kind)
 
     def suppress(self, pulses: KnownPulses | None) -> None:
         """From the next step on, suppress the candidates that known pulses explain."""
@@ -291,74 +270,6 @@ class SearchBand:
         for search in self._searches:
             search.own_margin = self._gate * young_margin(search.threshold, error) * more
         self._unsure = error > THRESHOLDS.noise_error
-
-
-def advance_together(
-    bands: Sequence[SearchBand], uptos: Sequence[int], workspace: Workspace
-) -> list[list[tuple[RateSearch, list[Candidate]]]]:
-    """Run `SearchBand.advance` for bands with the same `batch_key`."""
-    power = push_together(
-        [band._spectrogram for band in bands],
-        [
-            band._buffer.view(band._spectrogram.needed(), upto)
-            for band, upto in zip(bands, uptos, strict=True)
-        ],
-        workspace,
-    )
-    for band, columns in zip(bands, power, strict=True):
-        band._lost.weigh(columns.T, band._column)
-    level_together(
-        [band.leveller for band in bands],
-        power,
-        [band.noise for band in bands],
-        [band._column for band in bands],
-        [
-            band._lost.whole(band._column, power.shape[2]) if band._lost.any else None
-            for band in bands
-        ],
-    )
-    for band in bands:
-        band._noise.only_rises = band.leveller.uneven
-    _learn_together(bands, power)
-    for band, columns in zip(bands, power, strict=True):
-        if len(band._excluded):
-            columns[band._excluded] = 0.0
-    levels = np.stack([band._noise.level for band in bands])
-    results: list[list[tuple[RateSearch, list[Candidate]]]] = [[] for _ in bands]
-    for searches in zip(*(band.anchor_searches for band in bands), strict=True):
-        for result, search, found in zip(
-            results, searches, search_together(searches, power, levels), strict=True
-        ):
-            result.append((search, found))
-    return results
-
-
-def _learn_together(bands: Sequence[SearchBand], power: NDArray[np.float32]) -> None:
-    count = power.shape[2]
-    plain = []
-    for index, band in enumerate(bands):
-        if band._noise_is_known and not band._lost.any:
-            plain.append(index)
-        else:
-            band._take(power[index].T, last=False)
-    some = power[:, :, ::NOISE_STRIDE]
-    some = some if len(plain) == len(bands) else some[plain]
-    due: dict[int, list[SearchBand]] = {}
-    for index, piece in zip(plain, some.transpose(0, 2, 1).copy(), strict=True):
-        band = bands[index]
-        band._column += count
-        band._received_s += count * band._grid.hop_s
-        band._learnt.append(piece)
-        if len(band._learnt) >= BAND.noise_batches:
-            due.setdefault(sum(map(len, band._learnt)), []).append(band)
-    for columns, alike in due.items():
-        learnt = np.empty((len(alike), columns, power.shape[1]), np.float32)
-        for band, own in zip(alike, learnt, strict=True):
-            np.concatenate(band._learnt, out=own)
-            band._learnt.clear()
-        update_together([band._noise for band in alike], learnt)
-        for band in alike:
-            band._trust_noise()
 
 
 def _needed_noise_s(tag: Tag, searches: list[RateSearch]) -> float:

@@ -41,8 +41,7 @@ class DetectorBank:
     """The detectors of all tags of a process, each created with the first block of its channel.
 
     A detector that fails or hangs must not disturb the search for other tags. All detectors are
-    then created again, and the suspect tags are searched one at a time. A tag that fails twice
-    is no longer searched.
+    then created again. A tag that fails twice is no longer searched.
     """
 
     def __init__(
@@ -64,7 +63,6 @@ class DetectorBank:
         self._clipped_ns: tuple[tuple[int, int], ...] = ()
         """Times with clipped samples in the last block [ns], equal for all its channels."""
         self._faults: Counter[int] = Counter()
-        self._searched_alone: frozenset[int] = frozenset()
         self.left_out: dict[int, Tag] = {}
         """Tags that are no longer searched, by tag number."""
         self.failures = 0
@@ -151,17 +149,12 @@ class DetectorBank:
 
     def _restart(self, error: Exception) -> None:
         """Create all detectors again after a failure; leave out a tag that has failed twice."""
-        suspects = [detector.tag for detector in self._group.last_searched]
         self.failures += 1
-        # Which of several failed shows when each is searched alone; otherwise all are left out.
-        if len(suspects) == 1 or all(tag.tag_id in self._searched_alone for tag in suspects):
-            for tag in suspects:
-                self._faults[tag.tag_id] += 1
-                if self._faults[tag.tag_id] >= FAILURES_PER_TAG:
-                    self._leave_out(tag, error)
-        self._searched_alone |= {tag.tag_id for tag in suspects}
+        for detector in self._group.last_searched:
+            self._faults[detector.tag.tag_id] += 1
+            if self._faults[detector.tag.tag_id] >= FAILURES_PER_TAG:
+                self._leave_out(detector.tag, error)
         self._group = DetectorGroup(self._receiver)
-        self._group.alone = self._searched_alone
 
     def _leave_out(self, tag: Tag, error: Exception) -> None:
         self.left_out[tag.tag_id] = tag
