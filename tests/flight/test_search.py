@@ -61,10 +61,13 @@ def test_demos_say_that_a_search_was_cut_short(tmp_path: Path) -> None:
     """One drone, and at the same time two that search together at one ground station."""
     world = search_scenario(1)
     slower = replace(world, radio=replace(world.radio, sample_rate_hz=FLIGHT_RATE_HZ))
-    write_scenario(slower, tmp_path / "world.toml")
-    words = ("demo", "--search", "--json", "--duration", "12")
-    words += ("--scenario", str(tmp_path / "world.toml"), "--flight-dir")
-    runs = ((tmp_path / "one",), (tmp_path / "two", "--drones", "2"))
+    file = tmp_path / "world.toml"
+    write_scenario(slower, file)
+    words = ("demo", "--search", "--json", "--duration", "12", "--scenario", file)
+    runs = (
+        ("--flight-dir", tmp_path / "one"),
+        ("--flight-dir", tmp_path / "two", "--drones", "2"),
+    )
     with ThreadPoolExecutor() as pool:
         one, two = pool.map(lambda more: started(*words, *more, timeout=200), runs)
 

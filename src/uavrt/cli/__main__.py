@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import threading
-from contextlib import suppress
 
 RESEND_S = 0.01
 """Delay after which a discarded Ctrl-C is sent again [s]; the code there has returned."""
@@ -19,8 +18,15 @@ def _send_again(discarded: "sys.UnraisableHookArgs") -> None:
     if not issubclass(discarded.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(discarded)
         return
-    with suppress(RuntimeError):  # Python is ending already
-        threading.Timer(RESEND_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+    while True:
+        try:
+            threading.Timer(RESEND_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+        except KeyboardInterrupt:
+            continue  # a busy computer sent it before this function returned: discarded again
+        except RuntimeError:
+            return  # Python is ending already
+        else:
+            return
 
 
 def main() -> None:

@@ -51,10 +51,26 @@ __main__.main()
 """
 
 
-def test_a_stop_that_python_discards_ends_the_program_all_the_same() -> None:
+SENT_TOO_SOON = """
+import threading, time
+
+class Late(threading.Timer):
+    late = [0.5]
+
+    def start(self):
+        super().start()
+        time.sleep(self.late.pop() if self.late else 0.0)
+
+threading.Timer = Late
+"""
+"""The main thread of a busy computer goes on only after the second signal was sent."""
+
+
+@pytest.mark.parametrize("before", ["", SENT_TOO_SOON], ids=["at leisure", "busy"])
+def test_a_stop_that_python_discards_ends_the_program_all_the_same(before: str) -> None:
     began = launched(
         "-c",
-        LOSES_THE_FIRST,
+        before + LOSES_THE_FIRST,
         stderr=subprocess.PIPE,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
