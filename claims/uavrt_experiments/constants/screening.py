@@ -47,7 +47,6 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "COMMON": {
         "COMMON, wrong compass": ("wrong_compass_share", "wrong_compass_deg"),
         "COMMON, walk": ("walking_share", "walking_m_s"),
-        "COMMON, outliers": ("contradiction", "good_outlier"),
     },
     "LOSS": {
         "LOSS, hills": ("hills.mean", "hills.sigma", "hills.correlation_m"),

@@ -119,8 +119,6 @@ class CommonErrorTuning:
     contradiction: float = 0.01
     """Probability of the bearings' scatter by chance below which bearings contradict each
     other."""
-    good_outlier: float = 0.1
-    """Probability of being an outlier below which a bearing always counts as good."""
     least_agreeing: Guard[int] = 3
     """Minimum number of agreeing bearings by which a position is confirmed despite an
     outlier."""
