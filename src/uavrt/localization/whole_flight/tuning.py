@@ -183,10 +183,10 @@ class PlaceTuning:
     lasting_db2: float = 4.0
     """Variance of level errors common to neighbouring pulses, multiplied by the number of
     pulses for which they last [dB²]. It limits the evidence of pulses with little noise and
-    fading."""
+    fading. Without it, 90 % arcs of strong tags are 16 % narrower."""
     noisy_db2: float = 10.0
     """Largest variance of a pulse's level by noise up to which the full share `counted` applies
-    [dB²]."""
+    [dB²]. Without it, 90 % arcs of weak tags are 10 % wider."""
 
     fadings_db: Resolution[tuple[float, ...]] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses' fading [dB], of which the first is usual.
