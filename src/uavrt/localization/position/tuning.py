@@ -72,7 +72,8 @@ class BearingFixTuning:
     """Widths by which a bearing's density is blurred, to allow for the angle that a grid cell
     spans [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
-    """Candidate standard deviations of a bearing for which none is known [°]."""
+    """Candidate standard deviations of a bearing for which none is known [°]. If they are 30 %
+    larger, 95 % circles from bearings by hand are 6 % wider."""
     multiplied: Guard[int] = 16
     """Number of bearings' densities that are multiplied before taking a logarithm; the product
     of more could underflow."""

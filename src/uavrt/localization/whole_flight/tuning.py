@@ -28,7 +28,7 @@ class EnergyTuning:
     """Number of neighbouring frequencies whose noise power is averaged."""
     loud_power: float = 20.0
     """Minimum power over noise of a filter window that counts as strong; noise reaches it in
-    one window of 5e8."""
+    one window of 5e8. The fading of a train is estimated if its strongest pulses reach it."""
     wide_sigmas: float = 8.0
     """Excess of the whole channel's energy from which it contains a strong signal [standard
     deviations]."""
@@ -193,8 +193,6 @@ class PlaceTuning:
     With 1 dB for all, tags within 200 m with stronger fading were outside their regions."""
     more_fading_log: float = 10.0
     """Minimum log evidence for assuming a larger fading of single pulses than usual [nats]."""
-    loud_energy: float = 30.0
-    """Minimum energy over noise of the strongest pulses for their fading to be estimated."""
     fading_cells: Guard[int] = 300
     """Number of the most likely ground cells over which sizes of fading are compared."""
     odd_fading_db: float = 6.0
