@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from uavrt.core.earth.tangent_plane import TangentPlane
 from uavrt.core.messages import Tag
+from uavrt.core.units import NANOSECONDS_PER_SECOND
 from uavrt.localization.antenna import NULL_DB
 from uavrt.localization.bearing.estimate_bearing import estimate_bearing
 from uavrt.localization.bearing.turns import find_turns
@@ -274,7 +275,7 @@ def _turns_found(rng: Generator) -> Figures:
     wander = np.cumsum(rng.normal(0.0, 0.05, (2, count)), axis=1)
     gusts = 3.0 * np.sin(2.0 * np.pi * (np.arange(count) / 85.0 + rng.random()))
     turns = find_turns(
-        START_NS + (np.arange(count) * 1e9 / _POSE_RATE_HZ).astype(np.int64),
+        START_NS + (np.arange(count) * NANOSECONDS_PER_SECOND / _POSE_RATE_HZ).astype(np.int64),
         np.remainder(np.array(yaw) + gusts + rng.normal(0.0, 0.5, count), 360.0),
         *PLANE.to_geodetic(
             np.array(east) + wander[0] + rng.normal(0.0, 0.1, count),

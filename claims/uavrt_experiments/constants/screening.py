@@ -47,7 +47,6 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "COMMON": {
         "COMMON, wrong compass": ("wrong_compass_share", "wrong_compass_deg"),
         "COMMON, walk": ("walking_share", "walking_m_s"),
-        "COMMON, outliers": ("contradiction", "good_outlier"),
     },
     "LOSS": {
         "LOSS, hills": ("hills.mean", "hills.sigma", "hills.correlation_m"),
@@ -82,7 +81,7 @@ _PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "PLACE": {
         "PLACE, counted evidence": ("counted", "lasting_db2", "noisy_db2"),
-        "PLACE, fading": ("more_fading_log", "loud_energy", "odd_fading_db"),
+        "PLACE, fading": ("more_fading_log", "odd_fading_db"),
         "PLACE, reported position": ("density_power", "alone"),
         "PLACE, rates": ("rate_change", "stray_share", "noise_share"),
     },

@@ -7,7 +7,7 @@ from uavrt_experiments.constants.screening import chosen, screen
 def test_the_screening_notices_a_constant_that_matters() -> None:
     """A narrower lobe makes bearings from few pulses ambiguous."""
     names = ["PATTERN.lobe_deg", "TURNS.height_error_m"]
-    climb, lobe = screen(chosen(names, singly=True), 40, 1, judges=("turn of 8",))
+    climb, lobe = screen(chosen(names, singly=True), 150, 1, judges=("turn of 8",))
     assert lobe.verdict == "matters"
     assert any(one.quantity == "ambiguous" and one.clear for one in lobe.effects)
     assert climb.verdict == "not screened"

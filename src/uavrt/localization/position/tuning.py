@@ -72,7 +72,8 @@ class BearingFixTuning:
     """Widths by which a bearing's density is blurred, to allow for the angle that a grid cell
     spans [°]."""
     unknown_sigmas_deg: tuple[float, ...] = (1.5, 3.0, 6.0, 12.0, 24.0)
-    """Candidate standard deviations of a bearing for which none is known [°]."""
+    """Candidate standard deviations of a bearing for which none is known [°]. If they are 30 %
+    larger, 95 % circles from bearings by hand are 6 % wider."""
     multiplied: Guard[int] = 16
     """Number of bearings' densities that are multiplied before taking a logarithm; the product
     of more could underflow."""
@@ -119,8 +120,6 @@ class CommonErrorTuning:
     contradiction: float = 0.01
     """Probability of the bearings' scatter by chance below which bearings contradict each
     other."""
-    good_outlier: float = 0.1
-    """Probability of being an outlier below which a bearing always counts as good."""
     least_agreeing: Guard[int] = 3
     """Minimum number of agreeing bearings by which a position is confirmed despite an
     outlier."""
@@ -227,7 +226,8 @@ class SurveyTuning:
     far_wrong_share: float = 0.1
     """Prior share of surveys whose stated height above the tag is grossly wrong."""
     far_wrong_sigmas: float = 4.0
-    """Ratio of the standard deviation of gross height errors to that of usual ones."""
+    """Ratio of the standard deviation of gross height errors to that of usual ones. Without
+    gross errors, a stated height of 80 m instead of 40 m causes no warning."""
     shifts_m: Resolution[tuple[float, ...]] = (-30.0, -18.0, -9.0, 0.0, 9.0, 18.0, 28.0, 40.0)
     """Candidate errors of the stated height above the tag [m]."""
     least_height_m: Guard[float] = 3.0
@@ -401,7 +401,8 @@ class LossErrorTuning:
     With a correlation length of 100 m, a search of 15 minutes does not locate a walking animal
     within 25 m; with 30 m it takes 5 minutes."""
     grazing_db: float = 6.0
-    """Change of a loss by some metres of height if the path just grazes the hill [dB]."""
+    """Change of a loss by some metres of height if the path just grazes the hill [dB]. Without
+    it, 95 % circles among hills are 13 % smaller."""
     grazing_fall_db: float = 3.0
     """Loss behind a hill at which `grazing_db` has fallen to 1 / e of its value [dB]."""
 

@@ -31,7 +31,7 @@ from uavrt.localization.whole_flight.tag_places import (
     RANGE_STEP,
     east_north,
 )
-from uavrt.localization.whole_flight.tuning import PLACE
+from uavrt.localization.whole_flight.tuning import ENERGY, PLACE
 
 _Floats = NDArray[np.float64]
 _EXPONENT_SHARES = np.diff(
@@ -86,7 +86,7 @@ def place_belief(heard: Sequence[HeardTrain]) -> PlaceBelief:
     reading = _Reading.of(heard)
     found = _placed(reading)
     loudest = max(float(np.quantile(one.pulses.energy, 0.98)) for one in heard)
-    if loudest >= PLACE.loud_energy:
+    if loudest >= ENERGY.loud_power:
         readings = [
             reading,
             *(_Reading.of(heard, fading_db) for fading_db in PLACE.fadings_db[1:]),

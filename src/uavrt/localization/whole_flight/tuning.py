@@ -28,10 +28,11 @@ class EnergyTuning:
     """Number of neighbouring frequencies whose noise power is averaged."""
     loud_power: float = 20.0
     """Minimum power over noise of a filter window that counts as strong; noise reaches it in
-    one window of 5e8."""
+    one window of 5e8. The fading of a train is estimated if its strongest pulses reach it."""
     wide_sigmas: float = 8.0
     """Excess of the whole channel's energy from which it contains a strong signal [standard
-    deviations]."""
+    deviations]. Without it, a tag 30 dB stronger and 500 Hz away is reported in 9 of 10
+    flights."""
     crest: float = 3.0
     """Ratio of the largest sample power in a window to the window's matched-filter power, both
     over noise, above which the window contains an impulse. The ratio is 1/N for a pulse of N
@@ -183,18 +184,16 @@ class PlaceTuning:
     lasting_db2: float = 4.0
     """Variance of level errors common to neighbouring pulses, multiplied by the number of
     pulses for which they last [dB²]. It limits the evidence of pulses with little noise and
-    fading."""
+    fading. Without it, 90 % arcs of strong tags are 16 % narrower."""
     noisy_db2: float = 10.0
     """Largest variance of a pulse's level by noise up to which the full share `counted` applies
-    [dB²]."""
+    [dB²]. Without it, 90 % arcs of weak tags are 10 % wider."""
 
     fadings_db: Resolution[tuple[float, ...]] = (1.0, 2.0, 3.0, 4.5)
     """Candidate standard deviations of single pulses' fading [dB], of which the first is usual.
     With 1 dB for all, tags within 200 m with stronger fading were outside their regions."""
     more_fading_log: float = 10.0
     """Minimum log evidence for assuming a larger fading of single pulses than usual [nats]."""
-    loud_energy: float = 30.0
-    """Minimum energy over noise of the strongest pulses for their fading to be estimated."""
     fading_cells: Guard[int] = 300
     """Number of the most likely ground cells over which sizes of fading are compared."""
     odd_fading_db: float = 6.0

@@ -287,8 +287,6 @@ def _odd(fit: Fit, outlier_probabilities: tuple[float, ...] | None) -> NDArray[n
     """True for outlying bearings, unless a second lobe of the bearing's posterior agrees, shape
     (n,).
     """
-    odd = fit.inlier < 0.5
     if fit.explanation != "rest" or outlier_probabilities is None:
-        return odd
-    probability = np.array(outlier_probabilities)
-    return np.asarray((probability > 0.5) | (odd & (probability > COMMON.good_outlier)))
+        return np.asarray(fit.inlier < 0.5)
+    return np.array(outlier_probabilities) > 0.5
