@@ -91,8 +91,7 @@ class Regions:
     """Result of locating a tag after a flight."""
 
     off_deg: float
-    held_arc90: bool
-    """True if the arc that is to contain the bearing with 90 % probability contains it."""
+    arc90_deg: float
     rank: float
     """Posterior probability of all positions that are more probable than the tag's."""
     held50: bool
@@ -100,6 +99,11 @@ class Regions:
     held95: bool
     walked: bool
     """True if the tag seems to have walked; its position is then that at the last pulse."""
+
+    @property
+    def held_arc90(self) -> bool:
+        """True if the tag's bearing lies in the arc of 90 % probability."""
+        return abs(self.off_deg) <= 0.5 * self.arc90_deg
 
 
 def _near(course: Course, half_m: float) -> Course:
@@ -212,10 +216,9 @@ def located(
     east_m, north_m = from_middle(belief, truth.east_m + shift[0], truth.north_m + shift[1])
     cells = belief.cells
     bearing = math.degrees(math.atan2(east_m, north_m))
-    off_deg = float(wrap_degrees_180(belief.bearing_deg - bearing))
     return Regions(
-        off_deg=off_deg,
-        held_arc90=abs(off_deg) <= 0.5 * belief.arc_deg(0.9),
+        off_deg=float(wrap_degrees_180(belief.bearing_deg - bearing)),
+        arc90_deg=belief.arc_deg(0.9),
         rank=_rank(cells, east_m, north_m),
         held50=cells.holds(east_m, north_m, 0.5),
         held90=cells.holds(east_m, north_m, 0.9),

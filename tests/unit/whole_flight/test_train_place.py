@@ -112,12 +112,12 @@ def test_an_error_of_the_drones_own_position_widens_narrow_regions(
 ) -> None:
     """Regions of tags close to the path were as narrow as for exact drone positions."""
     bearing, out = (one.ravel() for one in np.meshgrid(np.arange(-20, 21), np.arange(-20, 21)))
-    turn_deg, count = np.degrees(cell_m / 3000.0), len(out)
+    turn_deg, count = float(np.degrees(cell_m / 3000.0)), len(out)
     logs = np.zeros((2, count))
     logs[:, count // 2] = 50.0
     ground = LikelyGround(
-        bearing_deg=bearing * turn_deg,
-        range_m=3000.0 + out * cell_m,
+        bearing_deg=np.asarray(bearing * turn_deg, np.float64),
+        range_m=np.asarray(3000.0 + out * cell_m, np.float64),
         width_deg=np.full(count, turn_deg),
         ratio=np.full(count, 1.0 + cell_m / 3000.0),
         uneven=np.zeros(count),

@@ -251,7 +251,7 @@ class LikelyGround:
         near = tree.sparse_distance_matrix(tree, 4.0 * sigma_m, output_type="coo_matrix")
         weight = np.exp(-0.5 * (near.data / sigma_m) ** 2) * self.area[near.col]
         spread = sparse.csr_array((weight, (near.row, near.col)), shape=near.shape)
-        each = np.asarray(spread.sum(axis=1))
+        each: _Floats = np.asarray(spread.sum(axis=1))
         return np.asarray((self.held / each) @ spread)
 
     def to_part(self) -> NDArray[np.intp]:
