@@ -73,6 +73,8 @@ def test_a_cart_without_autopilot_is_started_watched_and_stopped_and_needs_no_he
     show_until(drone, view, lambda: view.status and view.status.state is SystemState.HAS_TAGS)
     flight = start_detection(drone.status, thesis_scenario.tags)
     assert Path(flight).name not in first
+    # The pulses may still be those of the flight before.
+    show_until(drone, view, lambda: view.status and view.status.state is SystemState.DETECTING)
     show_until(drone, view, lambda: view.heard and view.heard[2].pulses >= 4)
     text = drawn(view)
     for word in ("detecting", "receiver", "recorder", "MHz", "dB", Path(flight).name):
