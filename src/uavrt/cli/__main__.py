@@ -8,12 +8,15 @@ import sys
 import threading
 
 RESEND_S = 0.01
-"""Delay after which a discarded Ctrl-C is sent again [s]; the code there has returned."""
+"""Delay after which a discarded Ctrl-C is sent again [s], when the code that discarded it has
+returned."""
 
 
 def _send_again(discarded: "sys.UnraisableHookArgs") -> None:
-    """Send a discarded Ctrl-C again: Python discards exceptions in finalizers and in the import
-    lock, and the program would continue.
+    """Send a discarded Ctrl-C again.
+
+    Python discards exceptions in finalizers, and in the lock of an import by another thread.
+    The program would continue as if Ctrl-C had not been pressed.
     """
     if not issubclass(discarded.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(discarded)

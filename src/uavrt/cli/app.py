@@ -44,8 +44,10 @@ COMMANDS = {
 
 
 def make_app(*, summaries: bool = False, added: bool = False) -> App:
-    """Create the command line with all commands. `summaries`: texts of `COMMANDS` without
-    imports. `added`: with commands of other packages.
+    """Create the command line with all commands.
+
+    `summaries`: use the texts of `COMMANDS` without importing the commands. `added`: include
+    the commands of other packages.
     """
     made = App(
         name="uavrt",

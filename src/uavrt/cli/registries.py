@@ -42,7 +42,10 @@ _LISTS: dict[str, Callable[[], list[str]]] = {
 
 
 def fill_help(command: str) -> None:
-    """Put registries' names into a command's help; it imports modules that help alone needs."""
+    """Put the registries' names into the help of a command, and of its option records.
+
+    Called only to show help, since it imports modules that the command may not need.
+    """
     module = import_module(module_of(command))
     named: list[Any] = [getattr(module, command), getattr(module, "Placing", None)]
     for one in named:

@@ -13,15 +13,19 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 HIGHEST = 9
-"""Highest multiple of a signal's offset from the centre where a ghost is assumed."""
+"""Highest multiple of a signal's offset from the centre frequency at which a spurious signal is
+assumed."""
 _NEAR_HZ = 15.0
 _NEAR_HZ_PER_MULTIPLE = 3.0
 _NEIGHBOUR_HZ = 1000.0
-"""Smallest distance of a ghost from its signal [Hz]; anything nearer is spectral leakage."""
+"""Smallest distance between a signal and a spurious signal that it causes [Hz]; anything nearer
+counts as spectral leakage."""
 _USUAL_HZ = 500.0
-"""Largest assumed error of a tag's labelled frequency [Hz]."""
+"""Largest assumed error of a tag's labelled frequency [Hz], even if the search band is
+wider."""
 _MULTIPLES = sorted(set(range(-HIGHEST, HIGHEST + 1)) - {0, 1}, key=lambda m: (abs(m), m))
-"""Multiples of a signal's offset from the centre that have ghosts; -1 is the mirror image."""
+"""Multiples of a signal's offset from the centre frequency at which it causes spurious signals,
+lowest first; -1 is the mirror image."""
 _PRODUCTS = (
     *((2, -1), (-1, 2), (3, -2), (-2, 3)),
     *((1, 1), (-1, -1), (1, -1), (-1, 1), (-2, -1), (-1, -2)),
@@ -35,7 +39,7 @@ Q separately."""
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """Centre frequency and sample rate, which determine where spurious signals appear."""
+    """A receiver's centre frequency and sample rate, which place its spurious signals."""
 
     center_frequency_hz: float
     sample_rate_hz: float
@@ -43,7 +47,9 @@ class Receiver:
     def makes(
         self, ghost_hz: float, original_hz: float, partners_hz: Iterable[float] = ()
     ) -> bool:
-        """True if a signal, alone or with `partners_hz`, may appear at `ghost_hz`."""
+        """True if a signal, alone or with `partners_hz`, may cause a spurious signal at
+        `ghost_hz`.
+        """
         if abs(ghost_hz - original_hz) < _NEIGHBOUR_HZ:
             return False
         return any(
@@ -59,7 +65,9 @@ class Receiver:
         nominal_hz: float,
         half_width_hz: float,
     ) -> float:
-        """Share (0 to 1) of a tag's search band with possible ghosts of another signal."""
+        """Share (0 to 1) of a tag's search band that may contain spurious signals of another
+        signal.
+        """
         half_hz = min(half_width_hz, _USUAL_HZ)
         inside_hz = 0.0
         for place_hz, near_hz in self._places(original_hz, partners_hz):
@@ -70,7 +78,9 @@ class Receiver:
         return min(1.0, inside_hz / (2.0 * half_hz))
 
     def multiple(self, ghost_hz: float, original_hz: float, window_hz: float) -> int | None:
-        """Lowest multiple of an offset that explains a ghost (-1: mirror image), or None."""
+        """Multiple of a signal's offset that explains a spurious signal within a window, lowest
+        first (-1: mirror image); None if none does.
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             miss_hz = self._apart_hz(ghost_hz, multiple * original)
@@ -81,7 +91,9 @@ class Receiver:
     def _places(
         self, original_hz: float, partners_hz: Iterable[float]
     ) -> Iterator[tuple[float, float]]:
-        """Yield offset from the centre, before aliasing, and tolerance of each ghost [Hz]."""
+        """Yield the offset from the centre frequency, before aliasing, and the tolerance of
+        each possible spurious signal [Hz].
+        """
         original = original_hz - self.center_frequency_hz
         for multiple in _MULTIPLES:
             yield multiple * original, _NEAR_HZ + _NEAR_HZ_PER_MULTIPLE * abs(multiple)

@@ -1,4 +1,6 @@
-"""Check the settings in ``[guidance]`` that depend on each other, and the planner."""
+"""Check the settings in ``[guidance]`` that depend on each other, such as the height limits,
+and the name of the planner.
+"""
 
 import json
 from collections.abc import Iterator

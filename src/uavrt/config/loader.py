@@ -81,7 +81,9 @@ def parse_settings(content: bytes, *, name: str) -> Settings:
 
 
 def _radio_faults(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield key and error text for each value that the chosen radio does not support."""
+    """Yield the key and an error text for an unknown kind of radio and for each value that the
+    chosen radio does not support.
+    """
     table = document.get("radio")
     if not isinstance(table, dict):
         return
@@ -216,7 +218,9 @@ def _plain(text: str) -> str:
 
 
 def _rule(kind: str, text: str) -> str:
-    """Explain which custom rule a setting violates; pydantic names only its function."""
+    """Explain in words which custom rule a setting violates, since pydantic reports only the
+    rule's function name.
+    """
     if kind == "predicate_failed" and "is_ros_namespace" in text:
         return "a ROS namespace has letters, digits and single underscores, like drone1"
     return text.lower()

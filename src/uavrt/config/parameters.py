@@ -19,7 +19,8 @@ from uavrt.core.messages import Tag
 Kind = Literal["whole", "real", "switch", "choice"]
 
 SIGNIFICANT_DIGITS = 7
-"""Decimal digits to which parameters are rounded, as MAVLink sends them as float32."""
+"""Number of decimal digits to which parameters are rounded, because MAVLink sends them as
+float32; 0.005 is then shown as 0.005."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +45,10 @@ class Parameter:
     scale: float = 1.0
     """Factor that converts the parameter's value to that of the setting."""
     live: bool = False
-    """True if a change applies at once; False: from the next start of detection."""
+    """True if a change applies at once; False if from the next start of detection."""
     volatile: bool = False
-    """True for a state such as `DET_RUN`, which is not stored as a setting."""
+    """True for a state that changes during operation, such as `DET_RUN`, and is therefore not
+    stored as a setting."""
 
     def allows(self, value: float) -> bool:
         """True if a value is within the parameter's range."""
@@ -219,7 +221,9 @@ def parameter_values(settings: Settings) -> dict[str, float]:
 
 
 def with_parameter(settings: Settings, name: str, value: float) -> Settings:
-    """Return the settings with one parameter changed; `ConfigError` states its range."""
+    """Return the settings with one parameter changed. Raises `ConfigError`, which states the
+    allowed range.
+    """
     parameter = PARAMETERS.get(name)
     if parameter is None:
         raise ConfigError(
@@ -259,7 +263,9 @@ def check_start(
 
 
 def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
-    """Frequency that the radio actually tunes to [Hz]; `ConfigError` if it cannot."""
+    """Return the frequency that the radio actually tunes to [Hz]. Raises `ConfigError` if the
+    radio cannot receive it.
+    """
     row = RADIOS.get(radio.kind)
     if row is None:
         return frequency_hz
@@ -274,7 +280,9 @@ def tuned_frequency(radio: RadioSettings, frequency_hz: float) -> float:
 def warnings_of_band(
     tags: Sequence[Tag], center_hz: float, sample_rate_hz: float
 ) -> tuple[str, ...]:
-    """Warnings about tags outside the received band; `ConfigError` if all are outside."""
+    """Return warnings about tags outside the received band. Raises `ConfigError` if all tags
+    are outside.
+    """
     half_hz = sample_rate_hz / 2.0
     beyond = [str(tag.tag_id) for tag in tags if abs(tag.frequency_hz - center_hz) > half_hz]
     if not beyond:
@@ -289,7 +297,9 @@ def warnings_of_band(
 
 
 def tags_with_overrides(settings: Settings, tags: Iterable[Tag]) -> tuple[Tag, ...]:
-    """Replace the tags' `k` and `false_alarm_probability` where settings give one."""
+    """Return the tags with `k` and `false_alarm_probability` replaced where the settings give
+    one value for all tags.
+    """
     detection = settings.detection
     changes: dict[str, Any] = {}
     if detection.k:

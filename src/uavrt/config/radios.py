@@ -37,11 +37,13 @@ class RadioRow:
     receives_mhz: tuple[tuple[float, float], ...] = ((20.0, 1000.0),)
     """Receivable radio frequencies: lowest and highest of each range [MHz]."""
     tunes_in_float32: bool = False
-    """True if the program takes megahertz as a float32: the radio tunes in 16 Hz steps."""
+    """True if the program reads the frequency in megahertz as a float32; the radio then tunes
+    in steps of 16 Hz."""
     usual_rate_hz: float = 3e6
     """Sample rate suggested by the first set-up [Hz]."""
     overruns_option: str = ""
-    """Option, in recent versions, that makes the program print overruns on stderr."""
+    """Option of the radio's program, in recent versions, that makes it print overruns on
+    stderr."""
     lists: tuple[str, ...] = ()
     """Command that lists the connected devices with index and serial number. It is needed if
     the receiving program would interpret a numeric serial number as an index."""

@@ -39,7 +39,9 @@ def change_settings(path: str | os.PathLike[str], changes: Changes) -> Settings:
 
 
 def changed_settings(path: Path, changes: Changes) -> tuple[Settings, str]:
-    """Apply changes to a file's text; return settings and text, or raise `ConfigError`."""
+    """Apply changes to a settings file's text; return the settings and the new text without
+    writing it. Raises `ConfigError`.
+    """
     try:
         written = read_file(path, SETTINGS) if path.exists() else None
         before = default_settings_text() if written is None else decode_text(written)
@@ -91,7 +93,9 @@ def _end_of_value(lines: list[str], first: int) -> int:
 
 
 def _left_out(lines: list[str], header: int, key: str) -> int | None:
-    """Index of the commented-out line ``# key =`` in its table; None if it is missing."""
+    """Index of the commented-out line ``# key =`` of an unset setting in its table; None if
+    there is no such line.
+    """
     for number in range(header, len(lines)):
         if lines[number].startswith("["):
             return None

@@ -13,7 +13,10 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def decode_text(content: bytes) -> str:
-    """Decode text with newlines as line ends; `ValueError` if too large or not text."""
+    """Decode a file's bytes as text in which all line ends are newlines.
+
+    Raises `ValueError`, with the reason, for a file that is too large or not text.
+    """
     if len(content) > MAX_BYTES:
         raise ValueError(f"the file has {len(content)} bytes; at most {MAX_BYTES} are allowed")
     encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"

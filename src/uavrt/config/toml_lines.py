@@ -42,7 +42,9 @@ def find_lines(text: str) -> dict[Path, int]:
 
 
 def line_of(lines: dict[Path, int], path: Path) -> int | None:
-    """Line number of a value or its nearest enclosing key or table; None without one."""
+    """Return the line number of a value, or of the nearest enclosing key or table; None if
+    there is neither.
+    """
     for length in range(len(path), 0, -1):
         if path[:length] in lines:
             return lines[path[:length]]

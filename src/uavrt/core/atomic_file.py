@@ -50,7 +50,10 @@ def replacing(path: Path, *, sync: bool = True) -> Iterator[Path]:
 def write_atomically(
     path: Path, content: str | bytes, *, sync: bool = True, mode: int = 0o644
 ) -> None:
-    """Replace a file's content (text as UTF-8), or write to a device; may raise `OSError`."""
+    """Replace a file's content, with permissions `mode`; text is written as UTF-8.
+
+    A device file is not replaced but written to. Raises `OSError`.
+    """
     data = content.encode() if isinstance(content, str) else content
     if path.exists() and not path.is_file():
         path.write_bytes(data)
@@ -65,7 +68,10 @@ def write_atomically(
 
 
 def make_directories(path: Path) -> None:
-    """Create a directory and its parents, safe from a power cut; may raise `OSError`."""
+    """Create a directory and its missing parents, so that they survive a power cut.
+
+    Raises `OSError` on failure.
+    """
     if path.is_dir():
         return
     make_directories(path.parent)

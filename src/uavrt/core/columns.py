@@ -15,7 +15,10 @@ def chosen_rows(record: R, which: Any) -> R:
 
 
 def joined_rows(records: Sequence[R], axis: int = 0) -> R:
-    """Concatenate the dataclasses' arrays along `axis`; other fields are the first's."""
+    """Concatenate the arrays of several dataclasses along `axis`.
+
+    Fields that are not arrays are copied from the first dataclass.
+    """
     names = [name for name, _ in _arrays(records[0])]
     joined = {
         name: np.concatenate([getattr(one, name) for one in records], axis=axis)

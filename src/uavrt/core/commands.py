@@ -122,7 +122,10 @@ BETWEEN_FLIGHTS: States = {
 
 
 class PermittedSender(StrEnum):
-    """Stations that may send a command while `mission.commanding_station` permits one only."""
+    """Stations that may send a command if only one station may command.
+
+    `mission.commanding_station` selects whether that is so.
+    """
 
     ANYBODY = "anybody"
     """Any station may send it, because the command changes nothing."""

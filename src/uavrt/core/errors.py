@@ -46,7 +46,10 @@ def _shown(text: str) -> str:
 
 
 class UavrtError(Exception):
-    """Base of errors that uavrt raises: `message`, what is wrong; `remedy`, what to do."""
+    """Base class of the errors that uavrt raises on purpose.
+
+    `message`: what is wrong, for the person who can fix it. `remedy`: what to do about it.
+    """
 
     def __init__(self, message: str, *, remedy: str | None = None) -> None:
         self.message = message = _shown(message)
@@ -56,7 +59,10 @@ class UavrtError(Exception):
 
 
 def listed_faults(source: str, faults: Sequence[str], number: int | None = None) -> str:
-    """Text with the `number` of faults in the file `source`, and a line for each given one."""
+    """Text with the number of faults in the file `source`, and one line for each fault.
+
+    `number`: total number of faults, if `faults` contains only some.
+    """
     number = len(faults) if number is None else number
     count = "1 fault" if number == 1 else f"{number} faults"
     return "\n  ".join((f"{source} has {count}:", *faults))
@@ -175,7 +181,10 @@ def needs_extra(extra: str, what: str, *, otherwise: str = "") -> Iterator[None]
 def os_errors_as(
     kind: type[UavrtError], failed: object, remedy: str | None = None
 ) -> Iterator[None]:
-    """Context that converts `OSError` to a `kind` with `failed` and the system's reason."""
+    """Context that converts `OSError` to an error of type `kind`.
+
+    The message consists of `failed` and the system's reason.
+    """
     try:
         yield
     except OSError as error:

@@ -117,7 +117,10 @@ def _check_holes(about: os.stat_result, name: object) -> None:
 
 
 def require_plain_file(path: str | os.PathLike[str], mode: int | None = None) -> None:
-    """Raise `FormatError` for what is no file, except pipes from a shell (`mode`: st_mode)."""
+    """Raise `FormatError` for a socket, device or pipe, unless it is a pipe from a shell.
+
+    `mode`: file mode from `os.stat` (st_mode).
+    """
     name = os.fspath(path)
     mode = os.stat(path).st_mode if mode is None else mode
     passed = stat.S_ISFIFO(mode) and name.startswith(_PIPES)
@@ -224,7 +227,10 @@ def decode_record(content: bytes | str | msgspec.Raw, kind: type[T]) -> T:
 
 
 def read_xml(text: str, limit: Limit, root: str) -> ET.Element:
-    """Parse foreign XML from the element `root` on, after the declaration; no entities."""
+    """Parse XML from another program from the element `root` on; entities are refused.
+
+    The XML declaration is skipped, because the text is already decoded.
+    """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("the content declares XML entities, which are not allowed")
     if len(text) > limit.bytes:
@@ -294,5 +300,8 @@ def size_of(path: Path) -> int:
 
 
 def most_unpacked(packed: int) -> int:
-    """Maximum unpacked size [bytes]; logs compress to a tenth, zip bombs to far less."""
+    """Maximum unpacked size of a text file [bytes].
+
+    Logs compress to about a tenth of their size, but zip bombs to far less.
+    """
     return max(4_000_000, 40 * packed)

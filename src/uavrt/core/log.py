@@ -38,7 +38,8 @@ class _Sink:
     stream: TextIO | None = None
     """Stream to which log lines are written; None: stderr at the time of writing."""
     broken: int = field(default=0)
-    """Number of log lines lost since the last written one: stderr closed or blocked."""
+    """Number of log lines lost since the last written line, because stderr was closed or
+    blocked."""
 
 
 _sink = _Sink()

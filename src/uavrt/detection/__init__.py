@@ -1,7 +1,9 @@
 """Detect a tag's pulses in the samples of a channel.
 
-A block of samples passes through `signal`, `search` and `track`. `detector` searches for one
-tag, `group` for many, `coded` for coded tags; `beeps` finds unlisted senders.
+`detector` searches for one tag, `group` for many tags, and `coded` for coded tags. A block of
+samples passes through `signal`, `search` and `track`. `beeps` finds unlisted senders.
+`sensitivity` computes how weak a tag can be detected, and `search_costs` how much CPU time a
+search needs.
 """
 
 from typing import TYPE_CHECKING

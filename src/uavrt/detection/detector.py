@@ -31,7 +31,8 @@ BATCH_S = 0.44
 """Maximum time for which samples are collected before the search continues [s]. Five blocks of
 87.4 ms take 0.437 s. A pulse is reported 0.04 s after its end at the earliest."""
 _FIRST_STEP = 0.7639
-"""Longest wait for the first search, as a share of `BATCH_S`: noise needs three blocks."""
+"""Longest wait for the first search, as a share of `BATCH_S`; three blocks of samples suffice
+to estimate the noise."""
 
 
 class PulseDetector:
@@ -198,8 +199,10 @@ class PulseDetector:
         return len(samples) if outcome == "taken" else 0
 
     def next_step(self, length: int) -> int | None:
-        """Index up to which the samples can be searched after a new block of `length` samples;
-        None: wait for more, as long as the search is not late.
+        """Index up to which the samples can be searched after a new block; None: wait for more.
+
+        `length`: length of the new block [samples]. The search must not wait for another block
+        if that would make it late.
         """
         fresh = self._buffer.end - self._clean - self._cleaner.margin
         if not length or fresh <= self._patience - self._longest.length:

@@ -29,7 +29,7 @@ class _Member:
     detector: PulseDetector
     taken: int = 0
     due: int = 0
-    """Received samples at which the next search may be due; 0: check with each block."""
+    """Number of received samples at which a search may be due; 0: check with each block."""
 
 
 @dataclass(slots=True, eq=False)

@@ -24,7 +24,8 @@ class CostTuning:
     """Constants for estimating and measuring the cost of a search."""
 
     cheap_tags: int = 50
-    """Cost up to which a tag list is not measured [typical tags]: a fifth of a core."""
+    """Estimated cost of a tag list up to which it is not measured [costs of a typical tag]; it
+    is a fifth of a core."""
     typical_weight: float = 3**2 * 0.06 * 1000.0
     """Cost of a typical tag: product of K² = 9, the interval's uncertainty of 60 ms in seconds,
     and the window's half-width of 500 Hz in hertz."""
@@ -45,7 +46,8 @@ class CostTuning:
     code_share: float = 2e-4
     """Share of a core for each coded tag; 500 tags take less than a tenth of a core."""
     most_cpu_s: float = 2.0
-    """Most CPU time to measure costs [s]; further tags cost as much as the last."""
+    """Maximum CPU time for measuring [s]; further tags are assumed to cost as much as the last
+    measured."""
 
 
 COSTS = CostTuning()
@@ -57,7 +59,10 @@ def search_cost(
     *,
     settings: DetectionSettings | None = None,
 ) -> float:
-    """Processor cores that the search for tags needs; 0.0 for uncoded, cheap ones."""
+    """Measure how many processor cores the search for tags needs.
+
+    Uncoded tags count as 0.0 if their estimated cost is small in total.
+    """
     codes = sum(tag.coded for tag in tags)
     tags = [tag for tag in tags if not tag.coded]
     settings = DetectionSettings() if settings is None else settings

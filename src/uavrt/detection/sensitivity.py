@@ -36,7 +36,8 @@ class SensitivityTuning:
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `gains_db` are given."""
     gains_db: tuple[float, ...] = (0.1, 0.6, 0.45, 0.75, 0.95, 1.15, 1.35, 1.05)
-    """Measured gain per pulse by K [dB] of choosing among overlapping cells."""
+    """Measured gain per pulse by K [dB]; the detector chooses the best of overlapping cells,
+    which the model ignores."""
     bursts: tuple[float, ...] = (1.0, 3.0, 10.0)
     """Numbers of bursts for which `losses_db` are given."""
     losses_db: tuple[float, ...] = (0.2, -0.1, 0.2)
@@ -82,8 +83,10 @@ def detection_probability(
     tag : Tag
     enr_db : float
         Energy of a pulse over the noise density [dB].
-    frequency_window_hz, sample_rate_hz : float
-        As in `group_threshold`.
+    frequency_window_hz : float
+        Largest offset from the nominal frequency that is searched [Hz].
+    sample_rate_hz : float
+        Sample rate of the tag's channel [Hz]; it limits the searched band.
     """
     if tag.coded:
         bandwidth_hz = min(2.0 * frequency_window_hz, sample_rate_hz)
@@ -122,8 +125,10 @@ def _coded_probability(tag: Tag, enr_db: float, bandwidth_hz: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _passes(k: int, others: float, enr_db: float, limit: float) -> float:
-    """Probability that the powers of K pulses reach the sum `limit` [noise powers]: one pulse's
-    cell, and maxima of a pulse's cell and `others` noise cells.
+    """Probability that the powers of a group of K pulses reach the sum `limit` [noise powers].
+
+    The first power is that of a pulse's cell. Each other is the maximum of a pulse's cell and
+    `others` noise cells.
     """
     energy = math.pow(10.0, enr_db / 10.0)
     if k == 1:

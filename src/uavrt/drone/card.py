@@ -25,7 +25,8 @@ NEW_CARD = "Fetch the flights, then use a new card"
 OLDEST_TIME_NS = 1_750_000_000 * 10**9
 """Earliest plausible time, June 2025 [ns]; a clock that shows an earlier time was never set."""
 BATTERY_CLOCK_OFF_S = 5.0
-"""Error of the battery-backed clock that counts as a fault [s]; it counts seconds."""
+"""Error of the battery-backed clock from which it counts as faulty [s]; the clock counts whole
+seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +86,10 @@ def _is_mounted_so(directory: Path) -> bool:
 
 
 def _refuses_writing(directory: Path) -> bool:
-    """True if the kernel refuses a file as read-only; before Linux 6.15 no flag shows it."""
+    """Try to create a file; True if the kernel refuses it because the file system is read-only.
+
+    Before Linux 6.15 no flag shows this.
+    """
     try:
         os.close(os.open(directory, os.O_TMPFILE | os.O_WRONLY, 0o600))
     except OSError as error:
@@ -115,7 +119,10 @@ def _number(path: Path) -> int | None:
 
 
 def battery_clock_off_s() -> float | None:
-    """How far the battery-backed clock is ahead [s], in whole seconds; None without one."""
+    """Return how far the battery-backed clock is ahead of the system clock [s].
+
+    None without a battery-backed clock, which counts whole seconds.
+    """
     kept_s = _number(SYSFS / "class/rtc/rtc0/since_epoch")
     return None if kept_s is None else kept_s - wall_ns() / NANOSECONDS_PER_SECOND
 
@@ -126,7 +133,9 @@ def clock_is_lost() -> bool:
 
 
 def clock_fault() -> str | None:
-    """Return a text on a fault of this computer's clock or battery; None without a fault."""
+    """Describe a fault of this computer's clocks: the time was never set, or the
+    battery-backed clock is wrong. None if there is no fault.
+    """
     if clock_is_lost():
         seconds = wall_ns() // NANOSECONDS_PER_SECOND
         return time.strftime("the clock shows %Y-%m-%d %H:%M UTC", time.gmtime(seconds))

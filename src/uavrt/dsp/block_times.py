@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 _LEAST_STEP_NS: Final = 100_000
-"""Minimum deviation from the time by the sample rate that is stored [ns]."""
+"""Minimum deviation of a block's time from the time computed by the sample rate for it to be
+stored [ns]."""
 
 
 class BlockTimes:
@@ -31,7 +32,9 @@ class BlockTimes:
         return self._times_ns[0] if self._times_ns else 0
 
     def add(self, index: int, time_ns: int) -> None:
-        """Add the time [ns, UTC] and index (with lost samples) of a block's first sample."""
+        """Add the time [ns, UTC] and the index, counting lost samples, of a block's first
+        sample.
+        """
         if self._indices and abs(time_ns - self.time_ns(index)) < _LEAST_STEP_NS:
             return
         self._indices.append(index)
@@ -51,7 +54,9 @@ class BlockTimes:
         return np.asarray(begin_s[at] + ahead / self._rate_hz, np.float64)
 
     def index(self, time_ns: int) -> float:
-        """Fractional sample index at a time; the first of two if the clock was set back."""
+        """Return the fractional sample index at a time. If the clock was set back and two
+        samples have that time, the first is returned.
+        """
         for at, first in enumerate(self._indices):
             index = first + (time_ns - self._times_ns[at]) / self._ns_per_sample
             if at + 1 == len(self._indices) or index < self._indices[at + 1]:

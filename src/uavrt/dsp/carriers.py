@@ -1,4 +1,6 @@
-"""Find steady carriers in the radio's band, which mix with pulses to spurious signals."""
+"""Find steady carriers in the radio's band. Their intermodulation products with a tag's pulses
+appear as spurious signals.
+"""
 
 import itertools
 import math
@@ -11,21 +13,25 @@ from numpy.typing import NDArray
 from uavrt.core.messages import IQBlock
 
 _APART_NS = (710_000_000, 970_000_000, 1_130_000_000)
-"""Intervals between searches, in turn [ns]; no pulse train coincides with all."""
+"""Intervals between searches for carriers, used in turn [ns]. They differ so that no pulse
+train coincides with all searches."""
 _LENGTH_S = 0.011
 """Maximum length of samples searched for carriers [s]; their number is a power of two."""
 _LEAST_SAMPLES = 256
 _CONSECUTIVE_CHECKS = 3
-"""Number of consecutive searches that must find a carrier; a pulse is in fewer."""
+"""Number of consecutive searches that must find a signal before it counts as a carrier; a pulse
+is found in fewer."""
 _STRONG_RATIO = 10.0**3.0
-"""Minimum power over the median bin; weaker carriers cause no spurious signals."""
+"""Minimum power of a carrier's frequency bin over the median bin; weaker carriers cause no
+spurious signals."""
 MOST_CARRIERS = 8
 """Maximum number of carriers reported; if there are more, the strongest are reported."""
 _CENTRE_BINS = 4
-"""Distance from the radio's centre that is ignored because of the DC offset [bins]."""
+"""Distance from the radio's centre within which bins are ignored because of the DC offset
+[bins]."""
 _SAME_BINS = 0.5
 _LEAST_SHARE = 1e-4
-"""Minimum power relative to the strongest carrier; weaker peaks are sidelobes."""
+"""Minimum power of a carrier relative to the strongest; weaker peaks are window sidelobes."""
 
 
 class Carriers:
@@ -64,7 +70,9 @@ class Carriers:
 
 
 def _strong(samples: NDArray[np.complex64], rate_hz: float) -> list[float]:
-    """Return the strongest carriers of a block, relative to the radio's centre [Hz]."""
+    """Return the strongest carriers' frequencies in a block, relative to the radio's centre
+    [Hz].
+    """
     length = len(samples)
     spectrum = np.fft.fft(samples * _window(length))
     power = spectrum.real**2 + spectrum.imag**2

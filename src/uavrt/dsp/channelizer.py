@@ -24,10 +24,12 @@ MATRIX_CHANNELS = 32
 """Maximum number of channels for which a DFT matrix is faster than an FFT (measured)."""
 
 WINDOWS_PER_PASS = 8
-"""Number of sample windows weighted in one pass, which saves a fifth of the time."""
+"""Number of sample windows weighted in one pass; a longer inner loop saves a fifth of the
+time."""
 
 OUTPUTS_PER_PASS = 1024
-"""Maximum number of output samples of a pass; a radio block yields 655 or 327."""
+"""Maximum number of output samples computed per pass; a block of the radio usually yields 655
+or 327."""
 
 
 class Channelizer:
@@ -183,7 +185,9 @@ class Channelizer:
         return out
 
     def _fold_rows(self, samples: NDArray[np.complex64], folded: NDArray[np.float32]) -> None:
-        """Weight and fold samples, from the oldest that row 0 needs, into `folded`."""
+        """Weight and fold samples, from the oldest that row 0 needs, into the
+        rows of `folded`.
+        """
         floats = samples.view(np.float32)
         group = WINDOWS_PER_PASS if self.hop == self.channels else 1
         grouped = len(folded) // group * group

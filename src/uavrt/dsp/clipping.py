@@ -10,17 +10,22 @@ from uavrt.core.messages import IQBlock
 from uavrt.core.units import NANOSECONDS_PER_SECOND
 
 CLIPPED_AMPLITUDE = 0.99
-"""Amplitude of a clipped sample [full scales]; the largest 8-bit value is 0.992."""
+"""Amplitude from which a sample counts as clipped [full scales]; the largest 8-bit value is
+0.992."""
 COMPUTED_AMPLITUDE = 2.0
-"""Amplitude above which samples must be computed, not received [full scales]."""
+"""Amplitude above which samples must be computed and not received [full scales]; a radio's
+filters do not reach it."""
 _STRETCH_S = 0.5e-3
-"""Length of the pieces searched for clipping [s]; a 15 ms pulse has thirty."""
+"""Length of the pieces into which samples are divided to search for clipping [s]; a 15 ms pulse
+has thirty pieces."""
 _MOST_SAMPLES = 64
-"""Number of samples examined in a piece; a clipping tone clips a quarter of them."""
+"""Number of samples examined in each piece; a clipping tone clips at least a quarter of
+them."""
 _PULSE_SHARE = 0.2
-"""Share of a clipped pulse's pieces that are clipped; an impulse clips only one."""
+"""Share of a pulse's pieces that must contain clipped samples for the pulse to count as
+clipped; an impulse clips only one piece."""
 MOST_UNREAD = 1000
-"""Maximum number of clipped pieces kept until read, enough for half a second."""
+"""Maximum number of clipped pieces kept until read, enough for half a second or more."""
 _KEEP_NS = 20 * NANOSECONDS_PER_SECOND
 """Duration for which clipped pieces are kept [ns]; pulses are reported within it."""
 
@@ -48,7 +53,10 @@ class ClippedTimes:
 
 
 class Clipping:
-    """Finds samples at the converter's limits, in up to 64 of each half millisecond."""
+    """Finds samples at the limits of the radio's converter.
+
+    At high sample rates it examines 64 samples in each half millisecond.
+    """
 
     def __init__(self) -> None:
         self.examined_s = 0.0

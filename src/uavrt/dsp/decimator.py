@@ -20,7 +20,8 @@ from uavrt.dsp.filters import compatible_decimator_taps, decimator_taps
 Mode = Literal["default", "compatible"]
 
 PASS_SAMPLES = 270_000
-"""Maximum number of samples per matrix product; smaller products are slower."""
+"""Maximum number of samples per matrix product. A block of 262 144 samples fits into one
+product; smaller products are slower."""
 
 DIRECT_OUTPUTS = 1024
 """Maximum number of outputs that a direct sum computes per pass, which limits its memory."""

@@ -11,7 +11,8 @@ CLEAN_FRACTION = 0.336
 """Half-width of the span without aliases, as a share of the output rate: 126 kHz at 375 kHz."""
 
 PASSBAND_FRACTION = 0.675
-"""Edge of the bank's flat passband, in channel spacings: 2531 Hz at 3750 Hz."""
+"""Edge of the flat passband of the oversampled filter bank, as a share of the channel spacing:
+2531 Hz at 3750 Hz."""
 
 
 def compatible_decimator_taps(factor: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Detect faults in samples: a wrong format or gain, or a tag on the DC line."""
+"""Detect faults of the radio's samples: a wrong format or gain, or a tag on the DC line."""
 
 from collections.abc import Iterable, Iterator
 from typing import Final
@@ -22,7 +22,8 @@ converter steps rms, and quantisation costs 1 dB."""
 _EMPTY_MIDDLE: Final = 0.25
 """Amplitude above which all samples of a wrong format lie, unlike noise [full scales]."""
 _UNEQUAL_RATIO: Final = 4.0
-"""Ratio of the powers of I and Q above which the input is faulty."""
+"""Ratio of the powers of I and Q above which the input is faulty, since no radio produces
+it."""
 _CLIPPED_SHARE: Final = 0.05
 """Maximum share of values at the converter's limits; more clipping distorts the noise."""
 _ON_DC_HZ: Final = 300.0
@@ -49,7 +50,7 @@ class InputCheck:
         self._seen: dict[str, int] = {}
 
     def check(self, block: IQBlock) -> list[str]:
-        """Check a block if a check is due; return the new faults' texts."""
+        """Check a block if a check is due; return messages about new faults."""
         due = self._next_ns is None or not 0 < self._next_ns - block.time_ns <= _EVERY_NS
         samples = block.samples[:_EXAMINED_SAMPLES]
         if not due or len(samples) < _FEWEST_SAMPLES:
@@ -88,7 +89,9 @@ class InputCheck:
 
 
 def _clipped_share(parts: NDArray[np.float32]) -> float:
-    """Share of sample values at full scale; 0 for computed samples without one."""
+    """Share of sample values at full scale; 0 for computed samples, which have no full
+    scale.
+    """
     size = np.abs(parts)
     computed = float(size.max()) > COMPUTED_AMPLITUDE
     return 0.0 if computed else float(np.mean(size >= CLIPPED_AMPLITUDE))

@@ -9,14 +9,16 @@ from uavrt.dsp.decimator import Mode
 from uavrt.dsp.filters import CLEAN_FRACTION
 
 CHANNEL_SPACING_HZ = 3750.0
-"""Original channel spacing [Hz]; the nearest with small prime factors is used."""
+"""Channel spacing of the original system [Hz]. The spacing used is the nearest that gives a
+channel count with small prime factors."""
 
 NARROWEST_BAND_HZ = 375_000.0
 """Minimum sample rate of the band after decimation [Hz]."""
 
 LOWEST_RATE_HZ = 3_000.0
 ONE_CHANNEL_RATE_HZ = 14_000.0
-"""Maximum rate of a single-channel recording [Hz]; the bank needs four channels."""
+"""Maximum sample rate of a recording that is treated as a single channel [Hz]; the filter bank
+needs at least four channels."""
 
 HIGHEST_FACTOR = 64
 UNDECIMATED_FRACTION = 0.45
@@ -43,7 +45,10 @@ class BandPlan:
     usable_half_span_hz: float
 
     def offset_hz(self, from_center_hz: float) -> float:
-        """Distance from the channel's centre [Hz], of `from_center_hz` from the radio's."""
+        """Distance of a frequency from its channel's centre [Hz].
+
+        `from_center_hz`: frequency from the radio's centre.
+        """
         half, spacing = self.channel_count // 2, self.channel_spacing_hz
         highest = half - 1 if self.channel_count > 1 else 0
         return from_center_hz - spacing * min(
@@ -108,7 +113,9 @@ class FrontEndPlan:
     """Group delay of decimator and channelizer [s], already subtracted from all times."""
 
     def channel_of(self, frequency_hz: float) -> int:
-        """Number of the channel nearest to a frequency; `TunerError` outside the span."""
+        """Number of the channel whose centre is nearest to a frequency. Raises `TunerError`
+        outside the usable span.
+        """
         offset_hz = frequency_hz - self.center_frequency_hz
         if not abs(offset_hz) <= self.usable_half_span_hz:
             raise outside_span(
@@ -160,7 +167,9 @@ def widest_half_span_hz(sample_rate_hz: float) -> float:
 
 
 def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> int:
-    """Return the largest decimation factor whose usable span reaches `reach_hz`."""
+    """Return the largest decimation factor whose usable span reaches `reach_hz` from the
+    centre.
+    """
     largest = int(sample_rate_hz / NARROWEST_BAND_HZ + 1e-9)
     largest = min(max(largest, 1), HIGHEST_FACTOR)
     if mode == "compatible":
@@ -175,7 +184,9 @@ def choose_decimation(*, sample_rate_hz: float, reach_hz: float, mode: Mode) -> 
 
 
 def choose_channel_count(band_rate_hz: float) -> int:
-    """Return the even channel count nearest to 3750 Hz spacing, prime factors up to 11."""
+    """Return the number of channels that gives a spacing nearest to 3750 Hz: even, and without
+    a prime factor above 11.
+    """
     exact = band_rate_hz / CHANNEL_SPACING_HZ
     nearest = 2 * round(exact / 2)
     candidates = (n for n in range(max(2, nearest - 16), nearest + 17, 2) if _smooth(n))
@@ -183,7 +194,9 @@ def choose_channel_count(band_rate_hz: float) -> int:
 
 
 def fast_length(least: int) -> int:
-    """Return the smallest length from `least` on with prime factors up to 11, so fast."""
+    """Return the smallest length, at least `least`, without a prime factor above 11, since such
+    lengths are fast to transform.
+    """
     while not _smooth(least):
         least += 1
     return least

@@ -56,9 +56,11 @@ class CompatibleCost:
     """Costs that the original system's tuner minimises, in the order of their priority."""
 
     tags_per_channel: Floats
-    """Mean number of tags per occupied channel, shape (candidates,)."""
+    """Mean number of tags per occupied channel, shape (candidates,), for each candidate radio
+    frequency."""
     edge_cost: Floats
-    """Costs of tags near channel edges, shape (candidates,); infinite on an edge."""
+    """Summed costs of tags near channel edges, shape (candidates,); infinite if a tag lies on
+    an edge."""
     mean_offset_hz: Floats
     """Mean distance of the tags from channel centres [Hz], shape (candidates,)."""
 

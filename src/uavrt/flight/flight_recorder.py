@@ -54,10 +54,12 @@ LEAST_FREE_BYTES = 1_000_000
 """Free space below which any commit may fail [bytes]."""
 
 MAX_WAITING_PULSES = 100_000
-"""Maximum number of pulses in memory while the disk fails: 84 MB, 3.5 h at 8/s."""
+"""Maximum number of pulses waiting in memory while the disk fails: 84 MB, or 3.5 h at 8 a
+second."""
 
 MAX_WAITING_OTHERS = 20_000
-"""Maximum number of other records in memory while the disk fails: half an hour."""
+"""Maximum number of other records that wait in memory while the disk fails: half an hour of
+poses and health records."""
 
 Writable = Beep | Health | Pose | SearchNote | SearchReport | Tag
 
@@ -98,7 +100,10 @@ class FlightRecorder:
 
     @classmethod
     def reopen(cls, directory: str | Path, *, durable: bool = False) -> "FlightRecorder":
-        """Continue a flight after a kill or power cut; `durable`: commits wait for the disk."""
+        """Continue a flight after a kill or a power cut, without lost or duplicate records.
+
+        With `durable`, each commit waits for the disk.
+        """
         recorder = cls(Path(directory), durable=durable)
         if not recorder.layout.database.exists():
             raise RecordingError(

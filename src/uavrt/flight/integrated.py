@@ -37,7 +37,8 @@ class IntegratedPart:
     latitude_deg: float
     longitude_deg: float
     radius95_m: float
-    """Radius around this position with 95 % of the position's probability [m]."""
+    """Radius of the circle around this position that contains 95 % of the position's
+    probability [m]."""
     probability: float
 
 
@@ -46,7 +47,8 @@ class SearchedFor:
     """Tag and settings of a search; a result without a detection is valid only for these."""
 
     frequency_hz: float
-    """Frequency in the tag list [Hz], where the fields up to `gaps_s` are from."""
+    """Frequency in the tag list [Hz]; the fields from here to `gaps_s` are from the tag
+    list."""
     pulse_width_s: float
     pulse_intervals_s: tuple[float, ...]
     interval_uncertainty_s: float
@@ -72,9 +74,11 @@ class SilentAround:
     probability: float
     """Probability with which the search finds a tag that is in the area."""
     within_m: float | None
-    """Distance up to which the tag would have been found [m]; None: no place excluded."""
+    """Distance from the flight up to which the search would have found the tag [m]; None if it
+    excludes no place."""
     whole_flight: bool
-    """True if pulses of the whole flight were combined; False: only groups of pulses."""
+    """True if the search combined the pulses of the whole flight; False if it searched for
+    groups of pulses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,13 +108,14 @@ class IntegratedVerdict:
     flights: int = 1
     """Number of flights analysed together; `bearing_deg` is from the middle of all."""
     heard_live: int = 0
-    """Number of the detected train's pulses that were detected during the flight."""
+    """Number of the detected train's pulses that were already detected during the flight."""
     remarks: str = ""
     """Limitations of the results, such as missing terrain heights."""
     ambiguous: bool = False
-    """True if another train, with a simple ratio of intervals (3/2), could be the tag."""
+    """True if another pulse train on this frequency could be the tag, because the ratio of the
+    two intervals is simple, such as 3/2."""
     listened: str = ""
-    """Times with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
+    """Time spans with samples of the tag's channel, as ISO 8601 intervals; empty if unknown."""
     parts: tuple[IntegratedPart, ...] = field(default=(), metadata=_NO_COLUMN)
     """Possible positions, the most likely first; latitude and longitude give their middle."""
     region50: tuple[Ring, ...] = field(default=(), metadata=_NO_COLUMN)
@@ -131,9 +136,11 @@ class FlightFold:
     length_s: float
     """Duration of the flight [s]; the rows of `raster` divide it into equal parts."""
     profile: tuple[float, ...]
-    """(columns,) energies of the flight by time within the interval; the train is central."""
+    """(columns,) energies summed over the flight, by time within the pulse interval; the
+    detected pulse train is in the middle."""
     raster: tuple[tuple[float, ...], ...]
-    """(rows, columns) energies, by part of the flight and time within the interval."""
+    """(rows, columns) energies; each row is a part of the flight, in order, and each column a
+    time within the pulse interval."""
 
 
 _MOST_TAGS, _MOST_CELLS = 5_000, 100_000
@@ -177,7 +184,10 @@ def write_integrated(
 def read_integrated(
     flight: str | os.PathLike[str],
 ) -> tuple[tuple[IntegratedVerdict, ...], tuple[PulsePose, ...]]:
-    """Read the results of ``uavrt integrate``, if any; `FormatError` for damaged ones."""
+    """Read the results of ``uavrt integrate``; raises `FormatError` if they are damaged.
+
+    The result is empty if the flight was not analysed.
+    """
     directory = FlightLayout(Path(flight)).integrated_directory
     tags, pulses = directory / "tags.json", directory / "pulses.jsonl"
     if not tags.is_file():

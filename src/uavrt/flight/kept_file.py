@@ -34,7 +34,10 @@ class KeptFile(Generic[R]):
         self._fault = ""
 
     def read(self) -> R | None:
-        """Read the record; None without a file, or for a damaged one, renamed ``.damaged``."""
+        """Read the record; None if the file is missing or damaged.
+
+        A damaged file is renamed with the suffix ``.damaged``.
+        """
         try:
             return read_record(self.path, self._kind)
         except FileNotFoundError:

@@ -1,6 +1,8 @@
 """Read and write files of other programs; every reader returns plain records.
 
-`pulses` reads pulse logs, `tracks` logs and tracks with poses, `nmea` and `gpsd` GPS receivers;
-`bearings_csv` and `positions_csv` are tables of results. Recordings are in `uavrt.radio`,
-terrain in `uavrt.localization`, limits on file sizes in `uavrt.core.foreign`.
+`pulses` reads pulse logs of other systems. `tracks` reads autopilot logs and receiver tracks.
+`nmea` and `gpsd` read messages of GPS receivers. `bearings_csv` and `positions_csv` read and
+write tables of results. Recordings are read in `uavrt.radio` and terrain in
+`uavrt.localization`, because their readers need those packages. Limits on file sizes are in
+`uavrt.core.foreign`.
 """

@@ -61,13 +61,17 @@ class BearingRow:
     end_time_ns: int | None = None
     sigma_deg: float | None = None
     observer: str | None = None
-    """Name of the person who took the bearing by hand, perhaps empty; None otherwise."""
+    """Name of the person who took the bearing by hand, empty if not given; None if the bearing
+    was not taken by hand."""
     true_place: tuple[float, float] | None = None
     """Known latitude and longitude of the tag in a test trial [deg]."""
 
 
 def read_bearing_file(path: str | os.PathLike[str]) -> tuple[BearingRow, ...]:
-    """Read a bearings.csv or bearings noted by hand; `FormatError` if it is unreadable."""
+    """Read a bearings.csv or a file of bearings noted by hand; comments are skipped.
+
+    Raises `FormatError` if the file cannot be read.
+    """
     rows: list[BearingRow] = []
     names: list[str] = []
     columns: dict[str, int] = {}
@@ -180,7 +184,9 @@ def _noted_time_ns(cells: Mapping[str, str]) -> int | None:
 def _from_true_north(
     cells: Mapping[str, str], place: tuple[float, float], time_ns: int | None
 ) -> float:
-    """Bearing from true north [deg]; a magnetic one needs a declination or a time."""
+    """Bearing from true north [deg]; a magnetic one needs the table's declination, or a time
+    for the World Magnetic Model.
+    """
     if "true" in cells:
         return finite(cells["true"])
     noted = cells["magnetic"] if "magnetic" in cells else cells["bearing"]

@@ -53,7 +53,9 @@ def noted_columns(heading: Iterable[str]) -> dict[str, int]:
 
 
 def is_noted(heading: Iterable[str]) -> bool:
-    """True if a heading is that of bearings noted by hand, not of the original's file."""
+    """True if a CSV heading belongs to a table of bearings that were noted by hand; False for
+    that of the original system's bearings.csv.
+    """
     cells = [*heading]
     known = set(noted_columns(cells))
     noted = bool(known & {"true", "magnetic", "bearing"}) and bool(known & set(_NEEDED))

@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """Encode pixels (rows, columns, red green blue opacity) as PNG, the first row on top."""
+    """Encode pixels (rows, columns, 4) as PNG; the first row is at the top of the picture.
+
+    The four values of a pixel are red, green, blue and opacity.
+    """
     rows, columns, _ = pixels.shape
     header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
     unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)
@@ -34,7 +37,10 @@ def disc(radius: int, color: tuple[int, int, int]) -> NDArray[np.uint8]:
 
 
 def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour probabilities from yellow to dark red, clear near zero; the first row on top."""
+    """Colour a probability map from yellow to dark red; values near zero are transparent.
+
+    The first row is at the top of the picture.
+    """
     peak = float(probability.max())
     share = probability / peak if peak > 0.0 else np.zeros_like(probability)
     pixels = np.zeros((*share.shape, 4), np.uint8)
@@ -45,7 +51,10 @@ def heat(probability: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 
 def signal(snr_db: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour SNR [dB] from blue to yellow, NaN transparent; the first row on top."""
+    """Colour a map of SNR [dB] from blue (weak) to yellow (strong); NaN is transparent.
+
+    The first row is at the top of the picture.
+    """
     known = np.isfinite(snr_db)
     low, high = (snr_db[known].min(), snr_db[known].max()) if known.any() else (0.0, 1.0)
     share = np.where(known, (snr_db - low) / max(float(high - low), 1e-9), 0.0)

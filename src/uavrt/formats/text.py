@@ -16,14 +16,17 @@ from uavrt.formats.damaged_lines import reason_of
 
 T = TypeVar("T")
 MAX_TIME_NS = 2**62
-"""Latest time accepted in a file [ns since 1970]: the year 2116, an integer for SQLite."""
+"""Latest time accepted in a file [ns since 1970]: the year 2116. SQLite's integers can hold
+it."""
 _DECIMAL = re.compile(r"(?<![^\s;\t])([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?![^\s;\t])")
 """Pattern of a table cell that contains only a number with a decimal comma."""
 _GZIP = b"\x1f\x8b"
 
 
 def read_lines(path: str | os.PathLike[str]) -> list[str]:
-    """Lines of a text or gzipped file, without line ends, byte order mark and NULs."""
+    """Lines of a text file, also gzipped, without line ends, byte order mark and NUL
+    characters.
+    """
     name = os.fspath(path)
     try:
         content = read_file(path, TEXT_LOG)
@@ -119,7 +122,7 @@ def separator_of(lines: Sequence[str]) -> str:
 
 
 def with_commas(lines: Sequence[str]) -> list[str]:
-    """Convert a spreadsheet's semicolons, tabs and decimal commas to commas and points."""
+    """Convert a spreadsheet's semicolons and tabs to commas, and decimal commas to points."""
     separator = separator_of(lines)
     if separator == ",":
         return list(lines)
@@ -159,12 +162,17 @@ def longitude(cell: str) -> float:
 
 
 def place_or_none(latitude_cell: str, longitude_cell: str) -> tuple[float, float] | None:
-    """Latitude and longitude [deg], or None; `ValueError` beyond ±90° or ±360°."""
+    """Parse a latitude and longitude [deg]; None if a cell is empty or not a number.
+
+    Raises `ValueError` for a latitude beyond ±90° or a longitude beyond ±360°.
+    """
     return place_on_earth(number_or_nan(latitude_cell), number_or_nan(longitude_cell))
 
 
 def seconds_ns(cell: str) -> int:
-    """Convert seconds since 1970 to nanoseconds by their digits; a float resolves 240 ns."""
+    """Convert a text with seconds since 1970 to nanoseconds by its digits; a float resolves
+    only 240 ns.
+    """
     before, point, after = cell.partition(".")
     if point and before.isdigit() and after.isdigit():
         value = int(before) * NANOSECONDS_PER_SECOND + int(after[:9].ljust(9, "0"))

@@ -1,4 +1,6 @@
-"""Estimate the positions of a vehicle's flight again as data arrives, on part of one core."""
+"""Repeat the position estimates of a vehicle's flight when new data arrives, using a limited
+share of one core.
+"""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -11,7 +13,8 @@ from uavrt.localization.estimates.flight_estimates import HeardInTurn
 
 ESTIMATE_LEAST_S = 0.4
 ESTIMATE_SHARE = 8.0
-"""Pause after a position estimate, as a multiple of its duration; 8: 11 % of a core."""
+"""Pause after a position estimate, as a multiple of its duration; 8 limits the load to 11 % of
+a core."""
 ESTIMATE_SHARE_OF_SEVERAL = 20.0
 """Pause after a position estimate if several vehicles are served, as a multiple of its
 duration. Only one vehicle's estimate runs at a time, so 20 limits the load to 5 % of a core."""

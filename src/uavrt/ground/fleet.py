@@ -28,7 +28,8 @@ from uavrt.link.mavlink.sending.signing import Signing
 MOST_VEHICLES = 16
 """Maximum number of vehicles served; heartbeats and poses of more would overload any radio."""
 REPORT_S, REPORT_DELAY_S = 1.0, 0.05
-"""Interval of reports to drones about the others, and longest delay of a changed one [s]."""
+"""Interval of the reports to each drone about the other drones [s], and longest delay of a
+changed report [s]."""
 
 
 class Fleet:

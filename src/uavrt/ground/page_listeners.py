@@ -17,7 +17,11 @@ class Hub:
         self._listeners: set[asyncio.Queue[str | None]] = set()
 
     def listen(self) -> asyncio.Queue[str | None]:
-        """Add a browser's queue of JSON texts; None in it: reload the page, or the end."""
+        """Add a browser's queue of JSON texts.
+
+        A None in the queue means that the browser must reload the page, or that the server
+        stops.
+        """
         queue: asyncio.Queue[str | None] = asyncio.Queue(QUEUE)
         self._listeners.add(queue)
         return queue

@@ -1,6 +1,7 @@
-"""A ground station: sessions of its vehicles, and actions without an operator: it uploads tags,
-starts and stops detection, and prints each pulse. `uavrt.ground.web.page_program` adds the
-page.
+"""A ground station: sessions of its vehicles, and actions without an operator.
+
+Without a page, it serves scripts and a first bench test: it uploads tags, starts and stops
+detection, and prints each pulse as a line. `uavrt.ground.web.page_program` adds the page.
 """
 
 import asyncio

@@ -25,9 +25,11 @@ class Behaviour:
     return_modes: frozenset[int]
     mode_names: Mapping[int, str]
     yaw_in_reposition: bool
-    """True: DO_REPOSITION commands headings (a turn in steps); False: CONDITION_YAW."""
+    """True if headings are commanded by DO_REPOSITION (a turn in several steps), False if by
+    CONDITION_YAW."""
     follows_course: bool
-    """True if the nose turns to the direction of motion, False: to the target."""
+    """True if the nose turns in flight to the direction of motion, False if it turns to the
+    target."""
 
     takeoff_mode: int
     """Mode in which the vehicle takes off, before it changes to `own_mode`."""

@@ -33,7 +33,10 @@ class EnergyLearning:
         self._predicted_wh = 0.0
 
     def learn(self, now: VehicleNow) -> VehicleNow:
-        """Use a battery reading of an order in flight; return the state with the power."""
+        """Use a battery reading; return the vehicle's state with the estimated power.
+
+        Readings count only while an order is flown, because the drone is then in the air.
+        """
         if self._battery_wh is not None and now.began and now.battery_percent is not None:
             self._read(now, now.battery_percent, self._battery_wh)
         else:

@@ -15,7 +15,8 @@ from uavrt.guidance.safety import SAFETY
 
 _Floats = NDArray[np.float64]
 HeightsAt = Callable[[_Floats, _Floats], _Floats]
-"""Returns heights above sea level [m] at latitudes and longitudes; NaN if unknown."""
+"""Function that returns the heights above sea level [m] at latitudes and longitudes; NaN if
+unknown."""
 STEP_M = 10.0
 _MOST_SQUARES = 300
 
@@ -29,7 +30,8 @@ class GroundAround:
     reach_m: float
     step_m: float
     heights_m: _Floats
-    """Ground above home [m], NaN if unknown; rows go north, columns east, from south-west."""
+    """Heights of the ground above home [m], NaN if unknown; rows go north, columns east, from
+    the south-west corner."""
 
     @classmethod
     def around(
@@ -52,7 +54,10 @@ class GroundAround:
         return cls(home_amsl_m=home, reach_m=count * step, step_m=step, heights_m=heights)
 
     def above_home_m(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Highest of four grid points around each position, above home [m]; NaN if unknown."""
+        """Return the highest of the four grid points around each position, above home [m].
+
+        NaN if one is unknown.
+        """
         last = len(self.heights_m) - 1
         column = np.floor((east_m + self.reach_m) / self.step_m).astype(np.intp)
         row = np.floor((north_m + self.reach_m) / self.step_m).astype(np.intp)
@@ -72,6 +77,9 @@ class GroundAround:
         return np.asarray(ground.max(axis=0, initial=0.0)).reshape(np.shape(east_m))
 
     def apart_m(self, home_amsl_m: float) -> float | None:
-        """Autopilot's height of home minus the map's [m]; None if within 15 m."""
+        """Return the autopilot's height of home minus that of the map [m].
+
+        None if they differ by at most 15 m.
+        """
         apart = home_amsl_m - self.home_amsl_m
         return apart if abs(apart) > SAFETY.home_height_error_m else None

@@ -54,4 +54,5 @@ class VehicleNow(VehicleStatus):
     wind: "Wind | None" = None
     """Wind that the autopilot reports; None if it reports none."""
     energy: "EnergyModel | None" = None
-    """Estimated flight power; None to compute it from the settings' hover power."""
+    """Estimated flight power; None if it must be computed from the hover power in the
+    settings."""

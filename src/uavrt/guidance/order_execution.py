@@ -112,7 +112,10 @@ class OrderExecution:
         self._requested_step = None
 
     def give_up(self, reason: str) -> None:
-        """Fly home early; an order not begun, or a take-off, ends without a command."""
+        """End the order early and fly home, because the battery is not monitored in a hover.
+
+        An order that has not begun, or a take-off, ends without a command.
+        """
         self._failed = self._failed or reason
 
     def _turns_off(self, step: Step, now: VehicleNow) -> bool:

@@ -173,7 +173,7 @@ def _only_place(order: Order) -> tuple[Place, ...]:
 def rotation(
     order: Order, now: VehicleNow, limits: Limits, behaviour: Behaviour, height: float
 ) -> Plan:
-    """Plan a full turn here; `PlanError` for a bad duration or an unknown heading."""
+    """Plan a full turn here; raises `PlanError` for a bad duration or an unknown heading."""
     here = (now.latitude_deg, now.longitude_deg)
     steps, duration = _turn_steps(here, order, now, limits, behaviour, height)
     by_steps = behaviour.yaw_in_reposition
@@ -237,7 +237,9 @@ def survey_places(order: Order, home: Place) -> tuple[Place, ...]:
 
 
 def _points_on(lines: list[tuple[float, float]], spacing_m: float) -> list[tuple[float, float]]:
-    """Positions for full turns, evenly along the lines; `PlanError` if too many."""
+    """Positions for full turns, evenly along the lines; raises `PlanError` if there are too
+    many.
+    """
     ends = list(zip(lines[::2], lines[1::2], strict=True))
     counts = [max(1, round(hypot(x1 - x0, y1 - y0) / spacing_m)) for (x0, y0), (x1, y1) in ends]
     if sum(counts) > _LIMITS.most_turns:
@@ -278,7 +280,10 @@ def _survey(
 def area_of(
     order: Order, places: tuple[Place, ...], now: VehicleNow, limits: Limits
 ) -> SearchArea:
-    """The outlined area with all limits; `PlanError` if home is not in a permitted one."""
+    """Return the outlined area with all limits for flights in it.
+
+    Raises `PlanError` if home is not in a permitted area.
+    """
     plane = TangentPlane(latitude_deg=now.home[0], longitude_deg=now.home[1])
     area = SearchArea(
         search=Polygon(corners=_local(plane, places), name="area"),
@@ -436,7 +441,7 @@ def _plan_path(
     *,
     turn_s: float = 0.0,
 ) -> Plan:
-    """Plan a path; `PlanError` if fence, ground or battery forbid it or the return."""
+    """Plan a path; raises `PlanError` if fence, ground or battery forbid it or the return."""
     if now.altitude_relative_m < limits.lowest_m - SAFETY.gust_below_m:
         raise PlanError(
             f"the drone is at {now.altitude_relative_m:.0f} m, below the least permitted "
@@ -548,7 +553,10 @@ def too_windy(now: VehicleNow, limits: Limits) -> str | None:
 
 
 def must_return(now: VehicleNow, limits: Limits) -> str | None:
-    """Why any order must now end in a return: wind or battery; None without reason."""
+    """Return why any order must end in a return now: wind or battery.
+
+    None if there is no reason.
+    """
     windy = too_windy(now, limits)
     if windy is not None:
         return windy

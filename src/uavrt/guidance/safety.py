@@ -18,7 +18,8 @@ class SafetyLimits:
     planner_lost_s: float = 2.0
     """Silence of the guide process after which the order ends [s]."""
     stall_s: float = 1.0
-    """Longest pause of the connection process that ends no order [s]; reports wait."""
+    """Longest pause of the connection process that ends no order [s]; reports wait
+    meanwhile."""
     battery_s: float = 1.0
     """Time between two checks that the battery suffices for the return [s]."""
 
@@ -30,24 +31,28 @@ class SafetyLimits:
     target_age_s: float = 0.3
     """Largest age of the target report for commands after an order's first [s]."""
     sticks_age_s: float = 0.3
-    """Largest age of the RC report for a command [s]; autopilots send it at 5 Hz."""
+    """Largest age of the RC report when a command is sent [s]; autopilots send it at 5 Hz or
+    more."""
     # Age of a report above which the order ends, or the report is ignored [s].
     mode_lost_s: float = 3.0
     position_lost_s: float = 2.0
     sticks_lost_s: float = 1.5
     landed_age_s: float = 3.0
     heartbeat_lost_s: float = 5.0
-    """Time without heartbeat after which an order ends [s]; only it reports disarming."""
+    """Time without the autopilot's heartbeat after which an order ends [s]; only it reports
+    disarming."""
     latest_telemetry_s: float = 0.2
     """Largest delay of the autopilot's messages with which commands are sent [s]."""
     clock_drift: float = 2e-4
-    """Largest relative difference of autopilot's and computer's clock: 100 ppm each."""
+    """Largest relative difference in speed of the autopilot's and the computer's clock: 100 ppm
+    each."""
 
     # Movement of a stick or a switch that is the pilot's [µs]; three-way switches move by 500.
     stick_us: int = 60
     switch_us: int = 250
     switch_moved_s: float = 0.1
-    """Time after which one RC message with a moved switch counts [s]; two do at once."""
+    """Time after which one RC message with a moved switch counts [s]; a second such message
+    counts at once."""
     first_switch: int = 5
     """Number of the first RC channel checked as a switch; 1 to 4 are the sticks."""
 

@@ -1,4 +1,5 @@
-"""Search archives of recordings for a list's tags, as Parquet tables, and query them.
+"""Search whole archives of recordings for the tags of one list, write the results as Parquet
+tables, and query them.
 
 `recordings` finds recordings, `copies` excludes second copies of a flight, and `names` gives
 each flight a unique name. `steps/recording_cells` divides a recording into time spans (cells),

@@ -21,10 +21,12 @@ from uavrt.flight.reading.outline import FlightOutline, read_outline
 def copies_of(
     found: Found, recordings: Ledger[RecordingRow], flights: Ledger[FlightRow], output: Path
 ) -> dict[Path, Path]:
-    """Map each superfluous copy of a flight to the copy that is used, the one with most data.
+    """Map each superfluous copy of a flight to the copy that is used, which is the one with
+    most data.
 
-    Samples count more than pulses; of equal copies, an earlier run's choice remains. A flight
-    with samples but without pulses is never a copy.
+    Samples count more than pulses. Among equal copies, an earlier run's choice remains. A
+    flight with samples but without pulses is never a copy. Copies are recognised as in
+    `read_season`.
     """
     known = {row.path: row for row in flights.rows if flights.of(row.path) is row}
     listed = {

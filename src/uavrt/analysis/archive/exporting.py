@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 GEOPARQUET = "geoparquet"
 FORMATS = (*(name for name in EXPORT_FORMATS if name != "geotiff"), GEOPARQUET)
-"""Formats to which an archive can be exported: not GeoTIFF, as no heat maps are stored."""
+"""Export formats of an archive; GeoTIFF is not one, as no heat maps are stored."""
 _IN_NAMES = " !#$&'()+,;=@[]{}~"
 _Rows = list[dict[str, Any]]
 

@@ -16,9 +16,11 @@ def name_flights(
     flights: Ledger[FlightRow],
     passed_over: Collection[Path] = (),
 ) -> Found:
-    """Give each new flight and recording a unique name, extended by more of its path if the
-    name is used, such as ``2024/walk``. Finished ones, in `recordings` and `flights`, keep
-    theirs; names of skipped copies in `passed_over` are free.
+    """Give each new flight and recording a unique name; names of finished ones do not change.
+
+    A name that is already used is extended by more of its path, such as ``2024/walk``.
+    `recordings` and `flights` contain the finished ones. Names of the skipped copies in
+    `passed_over` may be used again.
     """
     rows: list[RecordingRow | FlightRow] = [*recordings.rows, *flights.rows]
     known = {row.path: row.flight for row in rows if Path(row.path) not in passed_over}

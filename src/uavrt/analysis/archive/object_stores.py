@@ -18,7 +18,7 @@ from uavrt.radio.files.recording_source import RecordingSource
 from uavrt.radio.opening import open_recording
 
 ENDS_BYTES = 1 << 20
-"""Bytes copied from the beginning and the end of a file, which contain WAV headers."""
+"""Number of bytes copied from each end of a file, where WAV files have headers."""
 BLOCK_BYTES = 8 << 20
 """Number of bytes read from a store at a time; at 17 MB/s a read takes half a second."""
 MOST_BYTES = 1 << 50
@@ -35,7 +35,9 @@ def is_url(text: str) -> bool:
 
 
 def list_store(url: str) -> tuple[str, ...]:
-    """List files at an address. Raises `FormatError` for none, `StoreError`, `UsageError`."""
+    """List the files at and below an address. Raises `FormatError` if there are none,
+    `StoreError` or `UsageError`.
+    """
     with _store_errors(url):
         system, path = _opened(url)
         found = [path] if _is_file(system, path) else _below(system, path, url)
@@ -85,8 +87,10 @@ def _size_of(system: Any, path: str, url: str) -> int:
 
 
 def _is_file(system: Any, path: str) -> bool:
-    """True if a path is a file; on a web server, which does not report folders, if it exists
-    and has a file extension, as listing a file would download it.
+    """True if a path is a file. On a web server it must exist and have a file extension.
+
+    A web server does not report whether a path is a folder, and listing a file would download
+    it.
     """
     if "http" not in system.protocol:
         return bool(system.isfile(path))
@@ -103,7 +107,9 @@ def version_of(url: str) -> list[object]:
 
 
 def open_stored(url: str, **stated: Any) -> RecordingSource:
-    """Open a recording at a URL, with `stated` metadata; may raise `StoreError`, too."""
+    """Open a recording at a URL; `stated` supplies metadata that the file lacks. Raises the
+    errors of `open_recording`, and `StoreError`.
+    """
     data_url = url[: -len(_META)] + _DATA if url.endswith(_META) else url
     with tempfile.TemporaryDirectory() as folder:
         copy = _ends(url, Path(folder), whole=url.endswith(_META))
@@ -126,7 +132,9 @@ class _StoredBytes:
             self._file = system.open(path, "rb", block_size=BLOCK_BYTES)
 
     def read_at(self, view: memoryview, offset: int) -> int:
-        """Fill a buffer from an offset; return the number of bytes. Raises `StoreError`."""
+        """Fill a buffer with bytes from an offset; return the number of bytes read. Raises
+        `StoreError`.
+        """
         with _store_errors(self._url):
             self._file.seek(offset)
             got = int(self._file.readinto(view))
@@ -142,7 +150,9 @@ class _StoredBytes:
 
 
 def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
-    """Copy a stored file; unless `whole`, the copy is sparse, with first and last bytes."""
+    """Write a local copy of a stored file. Unless `whole`, the copy is sparse and has only the
+    first and last bytes.
+    """
     copy = folder / PurePosixPath(url).name
     with _store_errors(url):
         system, path = _opened(url)
@@ -163,7 +173,9 @@ def _ends(url: str, folder: Path, *, whole: bool = False) -> Path:
 
 
 def _piece(url: str, system: Any, path: str, start: int, end: int) -> bytes:
-    """Read bytes `start` to `end`; `StoreError` if the server sends no parts of files."""
+    """Read bytes `start` to `end` of a stored file. Raises `StoreError` if the server cannot
+    send parts of files.
+    """
     piece = bytes(system.cat_file(path, start=start, end=end))
     if len(piece) > end - start:
         raise StoreError(
@@ -210,7 +222,9 @@ def _named(url: str, copy: str) -> Iterator[None]:
 
 
 def _faults() -> tuple[type[Exception], ...]:
-    """Exceptions that reading from a store may raise, of the libraries loaded so far."""
+    """Types of exceptions that reading from a store may raise, as defined by the libraries
+    loaded so far.
+    """
     known: list[type[Exception]] = [OSError, EOFError]
     for module, names in (
         ("aiohttp", ("ClientError",)),

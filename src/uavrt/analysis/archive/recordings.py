@@ -57,7 +57,9 @@ class Recording:
         return self.url or str(self.path)
 
     def open(self) -> RecordingSource:
-        """Open the recording. Raises `FormatError`, or `StoreError` of an object store."""
+        """Open the recording. Raises `FormatError`, or `StoreError` if an object store
+        fails.
+        """
         if self.url is not None:
             return open_stored(self.url, **self._stated())
         return open_recording(self.path, **self._stated())

@@ -37,7 +37,7 @@ MOST_PULSES = 20_000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapArea:
-    """Grid and terrain heights of a coverage map; sentences about missing elevation data."""
+    """Grid and terrain heights of a coverage map, and notes on missing elevation data."""
 
     ground: GroundGrid
     hills: bool
@@ -53,7 +53,9 @@ class MapSize:
 
 
 def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Read a path, or an area for survey lines: local plane, and the path's corners [m]."""
+    """Read a flight path, or an area over which survey lines are laid; return the local plane
+    and the path's corners [m].
+    """
     text = read_text(path, SHAPES)
     places = path_in(text, str(path))
     if places:
@@ -62,7 +64,9 @@ def read_places(path: Path, spacing_m: float) -> tuple[TangentPlane, list[tuple[
 
 
 def corners_of_path(places: _Places) -> tuple[TangentPlane, list[tuple[float, float]]]:
-    """Project latitudes and longitudes [deg]: local plane, and (east, north) corners [m]."""
+    """Project latitudes and longitudes [deg]; return the local plane and the (east, north)
+    corners [m].
+    """
     latitude, longitude = np.array(places, np.float64).T
     plane = plane_around(latitude, longitude)
     east, north = plane.to_local(latitude, longitude)
@@ -100,7 +104,9 @@ def assumed_tag(
 
 
 def read_polygon(path: Path, plane: TangentPlane) -> Polygon:
-    """Outline in plane coordinates [m]. Raises `FormatError` unless there is exactly one."""
+    """Read one outline and convert it to plane coordinates [m]. Raises `FormatError` unless
+    there is exactly one.
+    """
     places = area_in(read_text(path, SHAPES), str(path))
     east, north = plane.to_local([one[0] for one in places], [one[1] for one in places])
     corners = tuple(zip(east.tolist(), north.tolist(), strict=True))
@@ -198,7 +204,9 @@ def plan_coverage(
     level_sigma_db: float,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """A tag's detection probability on a planned path; `UsageError` if it is too long."""
+    """Compute a tag's detection probability along a planned path. Raises `UsageError` if the
+    path is too long.
+    """
     _check_pulses(pulses_on(corners_m, tag, speed_m_s), tag)
     way = planned_antenna_path(
         corners_m,
@@ -242,7 +250,9 @@ def covered_by(
     whole_flight: bool = False,
     most_drift: float = 0.0,
 ) -> Coverage:
-    """A tag's detection probability on the antenna's path; `UsageError` if it is too long."""
+    """Compute a tag's detection probability along the antenna's path. Raises `UsageError` if
+    the path is too long.
+    """
     _check_pulses(len(way.time_s), tag)
     own = replace(budget, frequency_hz=tag.frequency_hz, pulse_width_s=tag.pulse_width_s)
     found = coverage_of(

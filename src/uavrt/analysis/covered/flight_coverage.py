@@ -40,8 +40,11 @@ def flight_coverage(
     listened: Sequence[Stretch] = (),
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> Coverage:
-    """Probability that a flight would have detected a tag at each map position: by groups of
-    pulses, or with `whole_flight` by all pulses; in `listened` spans only, if given.
+    """Probability that a flight would have detected a tag at each map position.
+
+    With `whole_flight` all pulses are combined, as in whole-flight analysis; otherwise each
+    group of pulses is considered separately. If `listened` is given, the tag can be received
+    only in these time spans.
     """
     way, limitations = flown_path(area, flight, tag, noise, listened)
     window_hz = frequency_window_hz(flight)
@@ -71,7 +74,9 @@ def frequency_window_hz(flight: Flight) -> float:
 
 
 def flight_plane(flight: Flight) -> tuple[TangentPlane, _Floats, _Floats]:
-    """Plane around a flight, and its path east and north [m]; `RecordingError` for none."""
+    """Return the local plane around a flight, and its path, east and north [m]. Raises
+    `RecordingError` for a flight without poses.
+    """
     poses = PoseColumns.of(flight.poses)
     if len(poses.time_ns) < 2:
         raise RecordingError(
@@ -89,7 +94,8 @@ def flown_path(
     noise: FlightNoise | None,
     listened: Sequence[Stretch] = (),
 ) -> tuple[AntennaPath, tuple[str, ...]]:
-    """Antenna's positions and heights at each pulse interval, and the map's limitations.
+    """Return the antenna's positions and heights above ground, one for each pulse interval, and
+    the map's limitations.
 
     If `listened` is given, only times in these spans with samples are used.
     """

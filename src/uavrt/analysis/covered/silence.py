@@ -42,7 +42,8 @@ SURE = 0.9
 _MARGIN_M = 2000.0
 _FINEST_M = 20.0
 _CELLS = 120
-"""Cells along the longer side of a coverage map; for 20 minutes it takes seconds."""
+"""Number of cells along the longer side of a coverage map; for a 20-minute flight the
+computation takes seconds."""
 _NOT_JUDGED = (
     "the whole flight has not been searched for this tag yet; uavrt integrate finds weaker tags"
 )
@@ -82,11 +83,14 @@ class SilentMap:
     """Sentence for the operator on the noise measurement that the map uses."""
     antenna: str
     sure_within_m: float | None
-    """Distance within which a tag is surely (0.9 or more) detected [m]; None if nowhere."""
+    """Distance from the flight within which a tag would have been detected everywhere with
+    probability 0.9 or more [m]; None if nowhere."""
 
     @property
     def heard(self) -> bool:
-        """True if the tag was or may have been received; the map shows no absence then."""
+        """True if the tag was received or may have been, so that the map is no evidence of its
+        absence.
+        """
         return self.heard_pulses > 0 or self.in_hindsight or self.ambiguous
 
     @property
@@ -167,7 +171,7 @@ class ListenedFlight:
         level_sigma_db: float = LEVEL_SIGMA_DB,
         on_pulse: Callable[[int, int], None] | None = None,
     ) -> SilentMap:
-        """Compute a tag's map for the flown antenna, unless `antenna` names another."""
+        """Map a tag's detection probability for the flown antenna, or another `antenna`."""
         verdict = next((one for one in self.verdicts if one.tag_id == tag.tag_id), None)
         searched = None if verdict is None else verdict.searched
         named = antenna or _own_antenna(self.flight, searched)
@@ -265,7 +269,9 @@ def _setting_changes(tag: Tag, searched: SearchedFor) -> list[str]:
 
 
 def _shown(verdict: IntegratedVerdict) -> bool:
-    """True if whole-flight analysis found the tag at its search's or the usual limit."""
+    """True if whole-flight analysis found the tag at the limit of false alarms of its search,
+    or at the usual limit.
+    """
     return verdict.found or verdict.false_alarm_probability <= WHOLE_FLIGHT_FALSE_ALARM
 
 
@@ -279,7 +285,8 @@ def silent_map(
     antenna: str | None,
     on_pulse: Callable[[int, int], None] | None = None,
 ) -> SilentMap:
-    """Where a flight would have detected a tag, with the budget of `uavrt coverage`.
+    """Compute where a flight would have detected a tag, with the link budget of `uavrt
+    coverage`.
 
     Without `elevation` the ground is assumed level; without `antenna` the flight's antenna is
     used. `on_pulse` is called with the number of computed pulses and their total.
@@ -344,7 +351,8 @@ def _budget(tag: Tag, tag_power_dbm: float) -> LinkBudget:
 def sure_within_m(
     coverage: Coverage, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> float | None:
-    """Distance around a path within which the probability is 0.9 or more [m]; None if nowhere.
+    """Distance from a path within which the detection probability is at least 0.9 everywhere
+    [m]; None if nowhere.
 
     Cells of unknown ground height count as not detected, and the distance cannot exceed the
     map's extent. `east_m` and `north_m` (n,) are the path in the map's plane.

@@ -52,13 +52,17 @@ class Recorded:
 
     @property
     def antenna(self) -> str:
-        """Name of the antenna pattern; monopole without headings. Raises `UsageError`."""
+        """Name of the antenna pattern; monopole for logs without headings. Raises
+        `UsageError`.
+        """
         if self.flight is not None:
             return flight_antenna(self.flight)
         return MONOPOLE if self.log.kind in WITHOUT_HEADINGS else USUAL_ANTENNA
 
     def turning(self) -> str:
-        """Directional antenna's name, by default RA-23K. `UsageError` for an upright whip."""
+        """Name of the directional antenna, RA-23K if unknown. Raises `UsageError` for an
+        upright whip, which gives no bearings.
+        """
         if self.flight is None:
             return USUAL_ANTENNA
         if self.antenna == MONOPOLE:
@@ -94,7 +98,9 @@ def heard_in_flight(
     name: str = "this flight",
     antenna: str = USUAL_ANTENNA,
 ) -> Heard:
-    """Pulses of a flight, or those given, with poses as arrays. `UsageError` without poses."""
+    """Return the pulses of a flight, or those given, with their poses as arrays. Raises
+    `UsageError` if no pulse has a pose.
+    """
     return Heard.of_records(
         flight.pulse_poses if pulse_poses is None else pulse_poses,
         flight.poses,
@@ -189,7 +195,9 @@ def _set_up(flight: Flight) -> tuple[Hashable, ...]:
 
 
 def pattern_origin(flights: Sequence[Sequence[HeardInTurn]]) -> str | None:
-    """Sentence on the turns and flights that corrected the pattern; None for one flight."""
+    """Return a sentence that states how many turns of how many flights corrected the antenna
+    pattern; None for a single flight.
+    """
     turns = learning_turns(heard for flight in flights for heard in flight)
     used = sum(1 for flight in flights if any(one in turns for one in flight))
     if used < 2 or len(turns) < FLIGHT.least_turns:
@@ -206,7 +214,9 @@ def check_method(method: str, known: Sequence[str]) -> None:
 
 
 def learnt_antenna(recorded: Recorded, antenna: str, offset_deg: float = 0.0) -> AntennaPattern:
-    """Correct an antenna pattern by turns, airframe included; `UsageError` for under three."""
+    """Correct an antenna pattern by at least three turns, so that it includes the airframe's
+    effect. Raises `UsageError` for fewer turns.
+    """
     turns = heard_in_turns(recorded.heard(antenna), offset_deg)
     if len(turns) < FLIGHT.least_turns:
         raise UsageError(

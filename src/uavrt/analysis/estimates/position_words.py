@@ -41,7 +41,11 @@ def basis_in_words(position: Position) -> str:
 
 
 def remarks_of(position: Position) -> tuple[str, ...]:
-    """Remarks to print with a position; a moving tag's time, unless its path is shown."""
+    """Remarks to print with a position; for a moving tag they include the time of that
+    position.
+
+    The time is omitted where the tag's path is shown (method ``track``).
+    """
     walks = any(one.name == "walk" for one in position.cautions)
     if not position.track or not walks or position.method == "track":
         return position.remarks

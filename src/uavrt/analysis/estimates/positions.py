@@ -57,7 +57,7 @@ _SAME_BEARING_SIGMAS = 3.0
 _USUAL_SIGMA_DEG = 6.0
 """Standard deviation assumed for a bearing from a file that states none [deg]."""
 _FIRST_LINES = 100
-"""Lines read to recognise a file's format, since comments may precede the data."""
+"""Most lines read to recognise a file's format, as comments may precede the data."""
 
 _Tables = list[tuple[Path, Sequence[BearingRow]]]
 
@@ -141,8 +141,8 @@ def read_positions(
 
 
 def _numbered(tables: _Tables, same: SameTags) -> tuple[_Tables, dict[int, str]]:
-    """Number tags that tables name: as the flights' tag of that name, else by unused numbers.
-    Also returns the names by number.
+    """Number the tags that tables name: with the number of the flights' tag of that name, or
+    with an unused number. Also returns the names by number.
     """
     rows = [row for _, every in tables for row in every]
     numbers = {one.name: one.tag_id for one in same.tags.values() if one.name}
@@ -225,7 +225,9 @@ def _without_repeats(
 
 
 def _under_keys(rows: Sequence[TagBearing], same: SameTags) -> list[TagBearing]:
-    """Use tag keys that are unique over all files; `UsageError` for an ambiguous number."""
+    """Replace the tag numbers of a file by keys that are unique over all files. Raises
+    `UsageError` if a number is ambiguous.
+    """
     keys: dict[int, list[int]] = {}
     for key, tag in same.tags.items():
         keys.setdefault(tag.tag_id, []).append(key)
@@ -259,7 +261,7 @@ class _Log:
 
     @property
     def usable(self) -> bool:
-        """False for a log with poses of the original system, whose headings are wrong."""
+        """False for a log with poses of the original UAV-RT, whose headings are wrong."""
         return ORIGINAL_POSES not in self.recorded.log.warnings
 
 
@@ -386,7 +388,9 @@ def _columns_of_named_file(path: str | os.PathLike[str]) -> int:
 
 
 def _holds_estimates(path: str | os.PathLike[str]) -> bool:
-    """True for UCSD's position estimates: a CSV with a column ``run``, no ``amplitude``."""
+    """True for a CSV file of UCSD's position estimates, which has a column ``run`` but no
+    column ``amplitude``.
+    """
     if not Path(path).is_file():
         return False
     first = next((line for line in read_lines(path) if line.strip()), "")
@@ -416,7 +420,9 @@ def _stored_estimates(path: str | os.PathLike[str]) -> list[TagPosition]:
 
 
 def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosition]:
-    """Read the original's positions.csv: one method's, or for ``bayes`` all methods'."""
+    """Read positions from the original UAV-RT's positions.csv: those of one method, or of all
+    methods for ``bayes``.
+    """
     found = []
     for row in read_position_file(path):
         for name, there in (("mle", row.mle), ("rmr", row.rmr), ("mest", row.mest)):
@@ -429,7 +435,8 @@ def _stored_positions(path: str | os.PathLike[str], method: str) -> list[TagPosi
 
 
 def _without_copies(logs: Sequence[Recorded], warn: Callable[[str], None]) -> list[Recorded]:
-    """Exclude logs that share half of their pulses, at equal positions, with a longer log.
+    """Exclude logs that share at least half of their pulses, at equal positions, with a longer
+    log.
 
     A pulse recorded at two positions was received by two drones, so both logs are kept.
     """

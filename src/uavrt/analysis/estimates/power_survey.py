@@ -66,7 +66,9 @@ class TagSignal:
 
 
 def signal_of(tag_id: int, track: PowerTrack, position: Position | None = None) -> TagSignal:
-    """Map a tag's signal strength, with a section through `position` or the strongest."""
+    """Map a tag's signal strength, with a vertical section through `position` or, by default,
+    the strongest signal.
+    """
     strongest = strongest_signal(track)
     place = strongest if position is None else position
     section = None

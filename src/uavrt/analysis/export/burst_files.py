@@ -56,8 +56,10 @@ class _Port:
 
 
 def _ports(survey: Survey, bursts: Sequence[PulsePose]) -> list[_Port]:
-    """Return the port of each burst, one for each frequency of listed tags. An unlisted tag is
-    assigned to one within 2 kHz, else to the median of its bursts, rounded to 1 kHz.
+    """Return the port of each burst; there is one port for each frequency of listed tags.
+
+    An unlisted tag is assigned to a listed frequency within 2 kHz. If there is none, it gets
+    the median of its bursts' frequencies, rounded to 1 kHz.
     """
     listed = [survey.tag(one.pulse.tag_id) for one in bursts]
     tuned_hz = [None if tag is None else tag.frequency_hz for tag in listed]
@@ -182,7 +184,9 @@ def _slop(pulse: Pulse, tag: Tag | None) -> str:
 
 
 def _burst_slop(pulse: Pulse, tag: Tag | None, before_ns: int | None) -> str:
-    """Time since the last burst beyond whole intervals [s], as text; 0 for the first."""
+    """Difference between the time since the previous burst and a whole number of intervals [s],
+    as text; 0 for the first burst.
+    """
     if tag is None or before_ns is None:
         return "0"
     passed_s = (pulse.start_time_ns - before_ns) / NANOSECONDS_PER_SECOND

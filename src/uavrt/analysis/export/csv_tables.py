@@ -46,7 +46,7 @@ def pulses_csv(survey: Survey) -> str:
 
 
 def tagtracker_csv(survey: Survey) -> str:
-    """Write pulses with a pose in TagTracker's format; status 3: of whole-flight analysis."""
+    """Write pulses with a pose in TagTracker's format; whole-flight ones have status 3."""
     stream = io.StringIO()
     write_tagtracker(stream, survey.every_pulse)
     return stream.getvalue()
@@ -73,13 +73,17 @@ def track_csv(survey: Survey) -> str:
 
 
 def bearing_rows(survey: Survey, parent_file: str) -> list[BearingRow]:
-    """Rows of the original's ``bearings.csv``, without turns of unclear direction."""
+    """Return rows for the original UAV-RT's ``bearings.csv``.
+
+    Turns without a clear direction are excluded, since the format has no column to mark
+    them.
+    """
     known = (one for one in survey.bearings if one.bearing.accepted)
     return [_bearing_row(one, survey, parent_file) for one in known]
 
 
 def position_rows(survey: Survey, bearing_file: str) -> list[PositionRow]:
-    """Rows of the original's ``positions.csv``, by its estimators mle, rmr and mest."""
+    """Rows of the original UAV-RT's ``positions.csv``, by estimators mle, rmr and mest."""
     places: dict[PositionMethod, dict[int, tuple[float, float] | None]] = {}
     methods: tuple[PositionMethod, ...] = ("mle", "rmr", "mest")
     for method in methods:
@@ -155,7 +159,8 @@ def marks_csv(survey: Survey) -> str:
 
 
 def movebank_csv(survey: Survey) -> str:
-    """Write positions as Movebank events: one of a resting tag, one per point of a path.
+    """Write positions as events for Movebank: one for a resting tag, one for each point of a
+    moving tag's path.
 
     The event of a resting tag has the time of its last bearing. Movebank recognises the column
     names when the file is uploaded.
@@ -175,7 +180,7 @@ def movebank_csv(survey: Survey) -> str:
 def _places(
     survey: Survey, tag_id: int, position: Position
 ) -> list[tuple[int, float, float, float | None]]:
-    """Time, latitude, longitude, 95 % radius of a position or of each point of its path."""
+    """Time, latitude, longitude and 95 % radius of a position or each point of a path."""
     if position.track:
         return [
             (one.time_ns, one.latitude_deg, one.longitude_deg, one.radius95_m)
@@ -215,7 +220,7 @@ def _movebank_row(
 
 
 def movebank_reference_csv(survey: Survey) -> str:
-    """Write Movebank's reference data: which animal carried which tag, from what date."""
+    """Write Movebank's reference data: the animal of each tag, and the flight's date."""
     span = survey.span_ns
     day = "" if span is None else _movebank_time(span[0])
     note = f"dates of {survey.name}: replace them by the deployment's"

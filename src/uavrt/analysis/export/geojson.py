@@ -54,7 +54,9 @@ def geojson_text(survey: Survey) -> str:
 
 
 def layers(survey: Survey) -> Iterator[tuple[str, str, str, list[Shape]]]:
-    """Map layers of a survey: name, GeoPackage table or empty, geometry type, shapes."""
+    """Yield each map layer of a survey: name, table name in a GeoPackage (or empty), geometry
+    type and shapes.
+    """
     track = list(map(point_of, thinned(survey.track)))
     rays: list[Shape] = []
     wedges: list[Shape] = []
@@ -192,7 +194,7 @@ def path_properties(survey: Survey) -> list[tuple[TrackPoint, Properties]]:
 
 
 def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Properties]]:
-    """Strongest signal's place over all heights and in each range, with attributes."""
+    """Places of a tag's strongest signal, overall and by height range, with attributes."""
     found: list[tuple[StrongestSignal, HeightBand | None]] = []
     if signal.strongest is not None:
         found.append((signal.strongest, None))
@@ -212,7 +214,9 @@ def strongest_properties(signal: TagSignal) -> list[tuple[StrongestSignal, Prope
 
 
 def integrated_places(survey: Survey) -> list[tuple[IntegratedPart, Properties]]:
-    """Tags' positions by whole-flight analysis; two if a straight path leaves both sides."""
+    """Return tag positions found by whole-flight analysis. A tag has two if a straight flight
+    path does not show on which side it is.
+    """
     return [
         (
             part,

@@ -133,7 +133,7 @@ def _box(points: Sequence[Point]) -> tuple[float, float, float, float]:
 
 
 def _cell(key: str, value: Any) -> Any:
-    """Return an attribute's value; times are written with three decimals of a second, as
+    """Convert an attribute to the type of its column; times are given to milliseconds, as
     clause 1.1.1.1.2 of the GeoPackage standard (OGC 12-128r18) requires for DATETIME.
     """
     if key not in _TIMES or value is None:

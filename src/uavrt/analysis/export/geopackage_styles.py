@@ -1,4 +1,5 @@
-"""Write QML styles of GeoPackage layers into ``layer_styles``, which QGIS reads.
+"""Write QML styles of GeoPackage layers into the table ``layer_styles``, from which QGIS reads
+them.
 
 Each style is a QML document with one symbol. Layers with times are controlled by QGIS's
 temporal controller.

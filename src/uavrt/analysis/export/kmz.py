@@ -191,7 +191,9 @@ def _signal(folder: ET.Element, survey: Survey, tag_id: int, files: dict[str, by
 
 
 def _start_amsl_m(survey: Survey) -> float:
-    """Altitude above sea level of the survey's height zero [m]; NaN if unknown."""
+    """Altitude above mean sea level from which the survey's heights are measured [m]; NaN if
+    unknown.
+    """
     first = survey.track[0]
     return first.altitude_amsl_m - first.altitude_relative_m
 
@@ -254,8 +256,10 @@ def _overlay(
 
 
 def bounds(grid: PositionGrid | SignalSurface) -> tuple[float, float, float, float]:
-    """West, south, east and north edge of a heat map [deg], along its middle lines; the tangent
-    plane's error at 3 km and 60° latitude is 1.2 m, less than a cell.
+    """West, south, east and north edge of a heat map [deg], computed along its middle lines.
+
+    The cells are squares in the tangent plane. At 3 km and 60° latitude the error is 1.2 m, far
+    less than a cell.
     """
     plane = TangentPlane(latitude_deg=grid.latitude_deg, longitude_deg=grid.longitude_deg)
     half_x, half_y = (abs(axis[1] - axis[0]) / 2 for axis in (grid.east_m, grid.north_m))
@@ -282,7 +286,7 @@ def _mark(
     description: str | None = None,
     time_ns: int | None = None,
 ) -> None:
-    """Add a placemark; `kind`: Point, LineString, Polygon, or with the prefix Multi-."""
+    """Add a placemark of `kind` Point, LineString or Polygon, or its Multi- variant."""
     mark = ET.SubElement(parent, "Placemark")
     add_text(mark, "name", name)
     if description is not None:

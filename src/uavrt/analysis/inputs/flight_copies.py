@@ -17,13 +17,15 @@ from uavrt.core.errors import FormatError
 from uavrt.flight.reading.outline import FlightOutline, read_pulse_levels
 
 SAME_PULSES = 0.5
-"""Share of the shorter record's pulses that the other must have to be of one flight."""
+"""Minimum share of the shorter record's pulses that the other record must contain for both to
+be of one flight."""
 _SAME_NS = 500_000
 """Largest start difference of a pulse in two copies [ns]; radio links round times."""
 SAME_LEVEL_DB = 0.1
 """Largest difference of a pulse's levels in two copies [dB]; two drones differ by 5 dB."""
 SAME_SPAN = 0.9
-"""Minimum overlap of two records of one flight without pulses, as a share of the longer."""
+"""Minimum overlap of two records without pulses for both to be of one flight, as a share of the
+longer record."""
 _PROBES = 32
 """Number of a flight's pulses that are searched for in all other flights.
 
@@ -129,8 +131,11 @@ def _alike_by_pulses(pulses: Mapping[int, _Pulses]) -> Iterator[tuple[int, int]]
 
 
 def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, int]]:
-    """Yield pairs of records, as indices, that may be of one flight by their times. Records of
-    drones must begin in the same nanosecond, as many clocks start in 1970.
+    """Yield pairs of records, as indices, that may be of one flight by their times; at least
+    one has no pulses.
+
+    Two records of drones are copies only if they began in the same nanosecond, since many
+    drones' clocks start in 1970.
     """
     by_start: dict[int, list[int]] = defaultdict(list)
     ground: list[int] = []
@@ -157,7 +162,7 @@ def _alike_by_times(outlines: Sequence[FlightOutline]) -> Iterator[tuple[int, in
 def _is_same(
     outlines: Sequence[FlightOutline], first: int, second: int, pulses: Mapping[int, _Pulses]
 ) -> bool:
-    """True if two records are of one flight, by their pulses or, without any, their times."""
+    """True if two records are of one flight, by pulses or, if one has none, by times."""
     one, other = outlines[first], outlines[second]
     begin = max(one.info.start_time_ns, other.info.start_time_ns)
     overlap = min(one.end_time_ns, other.end_time_ns) - begin
@@ -172,7 +177,8 @@ def _is_same(
 
 
 def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
-    """True if two records share half of their pulses in tag, start and level.
+    """True if two records share at least half of their pulses, with equal tag, start (0.5 ms)
+    and level (0.1 dB).
 
     Times are compared without rounding, since all pulses could lie at the edge of a rounding
     step.
@@ -193,8 +199,10 @@ def _share_pulses(one: _Pulses, other: _Pulses) -> bool:
 
 
 def _are_two(one: FlightOutline, other: FlightOutline) -> bool:
-    """True if two records, at least one without pulses, are of separate flights: those of
-    drones that began at other times, and of ground stations in one folder.
+    """True if two records, at least one without pulses, must be of separate flights.
+
+    This holds for two drones' records that began at different times, and for such records of
+    ground stations in one folder.
     """
     if (one.pulses and other.pulses) or one.info.start_time_ns == other.info.start_time_ns:
         return False

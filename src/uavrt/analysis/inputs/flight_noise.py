@@ -1,6 +1,9 @@
-"""Determine the noise that the drone itself causes in a flight, from its detectors' reports:
-relative to the quietest time, on the ground with motors off or, without such a time, the
-quietest tenth of the values.
+"""Determine the noise that the drone itself causes in a flight, from its detectors'
+measurements.
+
+A receiver does not measure watts. So the noise is relative to the receiver's quietest time in
+the same flight: on the ground with motors off or, without such a time, the quietest tenth of
+the values.
 """
 
 from dataclasses import dataclass
@@ -36,7 +39,9 @@ class FlightNoise:
         return float(np.median(self.rise_db[self.in_the_air]))
 
     def at(self, tag_id: int, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Noise over the quiet reference at given times [dB], (n,); the median if unknown."""
+        """Noise above the quiet reference for a tag at given times [dB], shape (n,); the median
+        if it was not measured at the tag's frequency.
+        """
         own = self.tag_id == tag_id
         if not own.any():
             return np.full(len(time_ns), self.median_db)
@@ -45,7 +50,9 @@ class FlightNoise:
 
 
 def flight_noise_of(directory: Path, flight: Flight | None = None) -> FlightNoise:
-    """Noise of a flight; `FormatError`, or `RecordingError` if none was measured in the air."""
+    """Read the noise measured in a flight. Raises `FormatError`, or `RecordingError` if none
+    was measured in the air.
+    """
     flight = read_flight(directory) if flight is None else flight
     measured = [
         (one.tag_id, one.time_ns, one.noise_psd) for one in read_search_reports(directory)

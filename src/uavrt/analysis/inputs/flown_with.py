@@ -17,7 +17,7 @@ USUAL_ANTENNA = "RA-23K"
 
 
 def flight_settings(flight: Flight) -> Settings | None:
-    """Settings recorded in a flight; None without any. `FormatError` if damaged."""
+    """Settings recorded in a flight; None if absent. Raises `FormatError` if damaged."""
     if flight.settings_json is None:
         return None
     try:
@@ -63,7 +63,9 @@ def antenna_is_recorded(flight: Flight) -> bool:
 
 
 def flight_antenna(flight: Flight) -> str:
-    """Antenna pattern in a flight's settings, by default RA-23K. `UsageError` if unknown."""
+    """Name of the antenna pattern in a flight's settings, RA-23K without settings. Raises
+    `UsageError` if unknown.
+    """
     settings = flight_settings(flight)
     named = USUAL_ANTENNA if settings is None else settings.bearings.antenna
     if named != MONOPOLE and named not in PATTERNS:

@@ -93,8 +93,10 @@ def _of_one_antenna(ordered: Sequence[PulsePose]) -> list[PulsePose]:
 def _named(
     chosen: Sequence[Sequence[_Candidate]], times_s: NDArray[np.float64]
 ) -> list[tuple[_Candidate, list[int], bool]]:
-    """Decide by the burst intervals which tag sent each burst; return the match with its code,
-    the ids of other possible tags, and whether it is confirmed.
+    """Decide by the burst intervals which tag sent each burst.
+
+    Returns for each burst the match with its tag's code, the ids of other possible tags, and
+    whether it is confirmed.
     """
     starts_s = np.array([times_s[fits[0].pulses[0]] for fits in chosen])
     of_tag: dict[int, NDArray[np.float64]] = {

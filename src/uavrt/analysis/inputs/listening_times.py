@@ -1,5 +1,7 @@
-"""Find the times at which a flight has samples for a tag: ring buffers overwrite, storage fills
-up, and a recording may be shorter than the flight.
+"""Find the times at which a flight has samples for a tag; a tag cannot be found at other times.
+
+A channel's ring buffer overwrites its oldest samples, recording stops when the storage is full,
+and a recording may be shorter than the flight.
 """
 
 from collections.abc import Sequence
@@ -21,7 +23,9 @@ _POSE_REACH_NS = 2 * _SECOND
 
 
 def listened_in(energies: SlotEnergies) -> tuple[Stretch, ...]:
-    """Time spans [ns, UTC] of whole seconds that have samples for half their length."""
+    """Return the time spans [ns, UTC], in whole seconds, in which samples exist for at least
+    half of each second.
+    """
     per_second = max(1, round(1.0 / energies.slot_s))
     seconds = len(energies.heard) // per_second
     heard = energies.heard[: seconds * per_second].reshape(seconds, per_second)
@@ -54,7 +58,7 @@ def missing_in_words(share: float) -> tuple[str, ...]:
 
 
 def with_poses(energies: SlotEnergies, poses: PoseColumns) -> SlotEnergies:
-    """Exclude energies measured more than 2 s from any pose: the position is unknown."""
+    """Exclude pulse energies measured over 2 s from any pose: the position is unknown."""
     time_ns = energies.start_ns + np.rint(energies.time_s * _SECOND).astype(np.int64)
     away = _away_from_poses(time_ns, poses)
     return energies.where(~away) if away.any() else energies

@@ -54,7 +54,7 @@ def clock_doubts(logs: Sequence[tuple[str | Path, Sequence[int]]]) -> list[str]:
 
 
 def pulse_doubts(logs: Sequence[tuple[str | Path, Mapping[int, Sequence[int]]]]) -> list[str]:
-    """Warn of overlapping logs in which the same tag's pulses have different times."""
+    """Warnings about overlapping logs that give the same tag's pulses different times."""
     trains = [
         (path, {key: np.sort(np.array(times, np.int64)) for key, times in pulses.items()})
         for path, pulses in logs

@@ -65,7 +65,7 @@ class MapFile:
         return self.attribution or self.path.name
 
     def tile(self, z: int, x: int, y: int) -> bytes | None:
-        """Bytes of a tile as stored; None if missing. `FormatError` if the file is damaged."""
+        """Stored bytes of a tile; None if missing. Raises `FormatError` for a damaged file."""
         if not 0 <= z <= _MOST_ZOOM:
             return None
         try:
@@ -288,7 +288,9 @@ def _tile_id(z: int, x: int, y: int) -> int:
 
 
 def _entry(directory: bytes, wanted: int) -> tuple[int, int, int] | None:
-    """Tile's offset, length and run length (0: leaf directory) in a directory; or None."""
+    """Find a tile in a directory: offset, length and run length (0 for a leaf directory); None
+    if it is missing.
+    """
     numbers = iter(_varints(directory))
     count = next(numbers, 0)
     if count > len(directory):

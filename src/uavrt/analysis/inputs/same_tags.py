@@ -66,7 +66,9 @@ class _Heard:
 
 
 def same_tags(logs: Sequence[PulseLog], listed: Sequence[Sequence[Tag]]) -> SameTags:
-    """Which numbers in several logs are the same tag; `listed`: each log's tag list."""
+    """Determine which numbers in several logs belong to the same tag; `listed` contains each
+    log's tag list.
+    """
     heard = [one for number, log in enumerate(logs) for one in _heard(number, log)]
     groups = _listed_groups([one for one in heard if one.named])
     warnings = _reused_numbers(groups)
@@ -99,7 +101,9 @@ def _heard(number: int, log: PulseLog) -> list[_Heard]:
 
 
 def _listed_groups(heard: Sequence[_Heard]) -> list[_Group]:
-    """Group received tags by number; separate one number's tags of other frequencies."""
+    """Group the received tags of all logs by number, and separate those of one number whose
+    frequencies differ.
+    """
     groups: list[_Group] = []
     for tag_id in sorted({one.tag_id for one in heard}):
         own = [one for one in heard if one.tag_id == tag_id]
@@ -140,7 +144,9 @@ def _reused_numbers(groups: Sequence[_Group]) -> list[str]:
 def _joined(
     listed: Sequence[_Group], heard: Sequence[_Heard], taken: Collection[int]
 ) -> list[_Group]:
-    """Match tags of logs without list to listed ones by frequency; others get new numbers."""
+    """Match tags of logs without a list to listed tags by frequency; tags without a match get
+    new numbers.
+    """
     free = (number for number in count(1) if number not in taken)
     new: list[_Group] = []
     for one in sorted(heard, key=lambda each: each.frequency_hz):

@@ -1,1 +1,3 @@
-"""Whole-flight results as pulses, pictures and records, and their process in flight."""
+"""Whole-flight results as pulses, pictures and records, and the process that computes them in
+flight.
+"""

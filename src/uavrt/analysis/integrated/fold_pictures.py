@@ -1,4 +1,6 @@
-"""Fold a whole flight's signal by its phase in the pulse interval: arrays, pictures."""
+"""Sum the signal of a whole flight by its phase in the pulse interval (folding), as arrays and
+pictures.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +19,7 @@ _ROWS: Final = 32
 
 
 def write_fold_pictures(directory: Path, results: Sequence[IntegratedTag]) -> list[Path]:
-    """Write a picture of each tag's folded signal, such as ``tag_2_fold.png``."""
+    """Write and return pictures of tags' folded signals, such as ``tag_2_fold.png``."""
     from uavrt.analysis.report.fold_page import draw_fold
     from uavrt.analysis.report.style import TAG_COLORS, new_figure, styled
 

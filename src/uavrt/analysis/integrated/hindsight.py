@@ -44,8 +44,10 @@ def save_integrated(
     results: Sequence[IntegratedTag],
     silent: Mapping[int, SilentMap] | None = None,
 ) -> Path:
-    """Write a flight's whole-flight results and pulses into its folder ``integrated/``, without
-    pulses of the flight's log, and with the maps of `silent` tags.
+    """Write a flight's whole-flight results and pulses into its folder ``integrated/``.
+
+    Pulses that are already in the flight's log are excluded. `silent` contains maps of tags
+    that were not found.
     """
     pulses: list[PulsePose] = []
     verdicts = []
@@ -59,8 +61,10 @@ def save_integrated(
 
 
 def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
-    """Pulses that whole-flight analysis found besides those detected in flight: expected ones
-    whose energy noise has in 5 % of cases at most. Score, group and noise density are unknown.
+    """Pulses that whole-flight analysis found in addition to those detected in flight.
+
+    These are the expected pulses whose energy is one that noise alone reaches in at most 5 % of
+    cases. Their score, group and noise density are unknown.
     """
     if not result.found:
         return []
@@ -100,7 +104,7 @@ def integrated_pulses(flight: Flight, result: IntegratedTag) -> list[PulsePose]:
 
 
 def slots_of(result: IntegratedTag) -> SlotEvidence:
-    """Masks of a train's expected pulses: those sent at its rate, those above the noise."""
+    """Two masks of a train's expected pulses: sent at its rate, and above the noise."""
     rates = len(result.tag.pulse_intervals_s)
     heard = HeardTrain.among(result.energies, result.pulses, result.places, rates=rates)
     places = result.places
@@ -189,7 +193,9 @@ def parts_of(
 
 
 def rings_of(place: PlaceBelief, share: float) -> tuple[Ring, ...]:
-    """Outlines (latitude, longitude) of the smallest region of probability `share`."""
+    """Outlines (latitude, longitude) of the smallest region that contains the tag with
+    probability `share`.
+    """
     return tuple(
         tuple(
             (round(latitude, _DECIMALS), round(longitude, _DECIMALS))

@@ -41,7 +41,7 @@ class SlotRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRecord:
-    """Position of a tag; None in all fields if not found, or moved between flights."""
+    """Position of a tag; all fields are None if it was not found or moved between flights."""
 
     enr_db: float | None = None
     """Energy of the tag's strongest pulse divided by the noise density [dB]."""
@@ -51,7 +51,7 @@ class PlaceRecord:
     radius50_m: float | None = None
     radius95_m: float | None = None
     level_db: float | None = None
-    """Energy of the strongest pulse [dB], equal to `enr_db`; earlier versions' name."""
+    """Energy of the strongest pulse [dB], `enr_db` under the name of earlier versions."""
     bearing_deg: float | None = None
     arc50_deg: float | None = None
     arc95_deg: float | None = None
@@ -83,14 +83,15 @@ class SilenceRecord:
 
     tag_power_dbm: float
     whole_flight: bool
-    """True if the map is for whole-flight analysis; False: for single groups of pulses."""
+    """True if the map is of whole-flight analysis, False if of single pulse groups."""
     mean_probability: float | None
     """Mean probability of finding the tag, over the map; None if no terrain is known."""
     share50: float | None
     """Share of the map in which the tag would be found with a probability of at least 0.5."""
     share90: float | None
     sure_within_m: float | None
-    """Distance within which the tag is surely (0.9 or more) found [m]; None if nowhere."""
+    """Distance from the flight within which the tag would be found everywhere with a
+    probability of at least 0.9 [m]; None if nowhere."""
     noise: str
     """Sentence for the operator about the noise measurement on which the map is based."""
     antenna: str
@@ -129,7 +130,7 @@ class IntegratedRecord(PlaceRecord):
     false_alarm_probability: float
     """Probability that noise alone would give a result as strong as this one in a flight."""
     interval_s: float
-    """Pulse interval of the train found or, if none was, of the best candidate [s]."""
+    """Pulse interval of the train found or, if none, of the strongest candidate [s]."""
     frequency_hz: float
     pulses: int
     """Number of the tag's expected pulses while it was sending at this rate; 0 if not found."""
@@ -145,7 +146,8 @@ class IntegratedRecord(PlaceRecord):
     limitations: tuple[str, ...]
     integrated_pulses: tuple[SlotRecord, ...]
     silence: SilenceRecord | None = None
-    """Where the tag would have been found; None if maybe received, or without a map."""
+    """Where the tag would have been found; None if it may have been received, or without a
+    coverage map."""
 
 
 def integrated_record(

@@ -29,7 +29,8 @@ from uavrt.localization.whole_flight.tuning import ENERGY
 log = get_logger()
 
 NICENESS = 15
-"""Unix nice level of the integrator's process, below detectors and estimator."""
+"""Unix nice level of the integrator's process, a lower priority than that of detectors and
+estimator."""
 TICK_S = 0.5
 SHARE = 9.0
 """Ratio of the integrator's idle time to its working time; with 9 it uses a tenth of a core."""
@@ -63,7 +64,7 @@ class SearchSchedule:
 
 
 class FindReporter:
-    """Selects what is reported to the ground: newly found tags, much better positions."""
+    """Selects what is reported to the ground: newly found tags and much better positions."""
 
     def __init__(self) -> None:
         self._radius_m: dict[int, float] = {}

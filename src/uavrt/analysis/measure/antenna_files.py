@@ -22,7 +22,9 @@ _WIDEST_GAP_DEG = 45.0
 
 
 def antenna_named(text: str) -> str:
-    """Name of an antenna pattern; a pattern file's is read and registered first."""
+    """Return the name of an antenna pattern; if `text` is the path of a pattern file, it is
+    read and registered.
+    """
     if text in PATTERNS:
         return text
     path = Path(text)
@@ -37,7 +39,9 @@ def antenna_named(text: str) -> str:
 
 
 def read_antenna(path: str | os.PathLike[str]) -> AntennaPattern:
-    """Read a pattern, named after its file. `FormatError` for wrong lines or angles."""
+    """Read an antenna pattern, which is named after its file. Raises `FormatError` for wrong
+    lines or angles.
+    """
     rows: list[tuple[float, ...]] = []
     for number, line in enumerate(read_lines(Path(path)), start=1):
         text = line.partition("#")[0].strip()

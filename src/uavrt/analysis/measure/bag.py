@@ -117,7 +117,7 @@ def export_bag(
 
 
 def write_mcap(path: Path, entries: Iterable[Entry]) -> tuple[str, Counter[str]]:
-    """Write messages into one MCAP file; return rosbag2's description, message counts."""
+    """Write messages into an MCAP file; return rosbag2's description and message counts."""
     with needs_extra("analysis", "MCAP"):
         from mcap.writer import CompressionType, Writer
     counts: Counter[str] = Counter()

@@ -86,7 +86,7 @@ def _check_compatible(front_end: FrontEnd) -> None:
 def ports_of(
     front_end: FrontEnd, channels: Sequence[int], scheme: PortScheme
 ) -> dict[int, list[int]]:
-    """UDP ports of each channel. `ConfigError` if the port scheme has no second port."""
+    """UDP ports of each channel. Raises `ConfigError` if the scheme has no second port."""
     second = {abs(channel) - 1 for channel in channels if channel < 0}
     if second and scheme == "thesis":
         raise ConfigError(
@@ -113,9 +113,10 @@ def channelize(
     should_stop: Callable[[], bool] = lambda: False,
     summary: ChannelizeSummary | None = None,
 ) -> ChannelizeSummary:
-    """Send the channels until the source ends or the run is stopped. A file is played at
-    `speed` times real time, lest it overflow the receiver's buffer; 0: no limit. `summary` is
-    updated.
+    """Send the channels until the source ends or the run is stopped.
+
+    A file is played at `speed` times real time, because a faster sender would overflow the
+    receiver's buffer; 0 means no limit. `summary` is updated during the run.
     """
     summary = ChannelizeSummary() if summary is None else summary
     begun_s: float | None = None

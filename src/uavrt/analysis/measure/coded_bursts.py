@@ -1,5 +1,8 @@
-"""Find coded tags in a recording, near enough that each pulse is detected: bursts of pulses
-within a quarter of a second that repeat with the same gaps.
+"""Find coded tags in a recording: bursts of pulses that repeat with the same gaps.
+
+Each pulse is detected separately, which is possible because the tag to be measured is near.
+Pulses within a quarter of a second form a burst. Bursts with equal gaps belong to one tag, and
+their times give the burst interval.
 """
 
 import math
@@ -23,17 +26,19 @@ _WIDTH_S: Final = 0.0025
 """Length of the filter that detects pulses [s], equal to a coded tag's usual pulse width.
 Pulses up to 7.5 ms wide are found."""
 _REACH_S: Final = 0.009
-"""Half-width of the time to compare a pulse's energy with [s]; gaps are longer."""
+"""Half-width of the time around a pulse with which its energy is compared [s]; gaps between
+pulses are longer."""
 _WIDTH_STEPS_PER_S: Final = 2000.0
-"""Inverse of the step of measured pulse widths [1/s]: 0.5 ms, as in data sheets."""
+"""Inverse of the rounding step of pulse widths [1/s]: 0.5 ms, as in data sheets."""
 _LEAST: Final = 30.0
 """Minimum ratio of a coded pulse's energy to the mean energy of the noise, 30 (15 dB)."""
 _PEAKED: Final = 4.0
-"""Minimum ratio of a coded pulse's energy to the median within 1 kHz."""
+"""Minimum ratio of a coded pulse's energy at its frequency to the median energy within 1
+kHz."""
 _OFF_BEAT_S: Final = 0.008
 """Largest deviation of a burst's start from a multiple of the burst interval [s]."""
 _MOST_LOST: Final = 4
-"""Most burst intervals that the shortest time between two received bursts may hold."""
+"""Maximum number of burst intervals between the two nearest received bursts."""
 _WINDOW_HZ: Final = 1000.0
 
 
@@ -110,7 +115,8 @@ def _code(
 
 
 def _beat(starts_s: NDArray[np.float64]) -> Beat | None:
-    """Longest burst interval that divides all times between bursts; None without one.
+    """Fit the longest burst interval that divides all times between bursts; None if there is
+    none.
 
     If every second burst is lost, the shortest time between two bursts contains more than one
     interval.

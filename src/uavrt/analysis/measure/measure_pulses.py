@@ -1,4 +1,4 @@
-"""Fit each pulse of a tag, then combine the fits to frequency, width, intervals."""
+"""Fit each pulse of a tag, and combine the fits to frequency, width and intervals."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,8 @@ SAME_RATE: Final = 0.004
 NEAR_RATE: Final = 0.05
 """Largest relative difference of the intervals of two joined series of pulses."""
 SIGNIFICANT: Final = 4.0
-"""Smallest drift removed from the interval before the jitter [standard deviations]."""
+"""Smallest drift of the interval that is removed before the jitter is computed [standard
+deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +141,9 @@ def _rates(
 def _continued(
     before_s: NDArray[np.float64], interval_s: float, after_s: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Join two series of pulse times across a gap if they share equal intervals, or None."""
+    """Join two series of pulse times across a gap; None unless both belong to one sequence of
+    equal intervals.
+    """
     together = np.concatenate((before_s, after_s))
     alone = fit_beat(before_s, interval_s)
     beat = fit_beat(together, alone.interval_s)
@@ -210,7 +213,9 @@ def _middle(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _line(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Fit a line by least squares; value at 0 and slope, each with standard deviation."""
+    """Fit a line by least squares; return value at 0 and slope, each followed by its standard
+    deviation.
+    """
     design = np.stack((np.ones_like(x), x), axis=1)
     inverse = np.linalg.pinv(design.T @ design)
     value, slope = inverse @ design.T @ y

@@ -36,9 +36,9 @@ from uavrt.radio.source import SampleSource
 
 WINDOW_HZ: Final = 2000.0
 MARGIN_S: Final = 0.100
-"""Samples on each side of a pulse's middle [s]; their outer halves are only noise."""
+"""Analysed time on each side of a pulse's middle [s]; its outer half is only noise."""
 _MOST_SUSPECTS: Final = 8
-"""Most frequencies that are searched for coded tags; each takes 2 % of a core."""
+"""Maximum number of frequencies searched for coded tags; each takes 2 % of a core."""
 _SUSPECTS_APART_HZ: Final = 500.0
 _CODE_HZ: Final = 1000.0
 """Frequency distance from a coded tag below which short pulses are that tag's [Hz]."""
@@ -168,7 +168,7 @@ def _doubt(train: Train, half_span_hz: float, center_hz: float) -> str | None:
 
 
 def _suspects(offsets_hz: Sequence[float], half_span_hz: float) -> list[float]:
-    """Choose a limited number of frequencies, well apart, that are searched for codes."""
+    """Choose a limited number of frequencies in the band, well apart, to search for codes."""
     chosen: list[float] = []
     for offset_hz in offsets_hz:
         apart = all(abs(offset_hz - other_hz) >= _SUSPECTS_APART_HZ for other_hz in chosen)
@@ -213,7 +213,9 @@ def _search(
     frequency_hz: float | None,
     window_hz: float,
 ) -> tuple[Points, int, float]:
-    """Search the band or a part; return pulses, their times' zero [ns], duration [s]."""
+    """Search the band, or a part of it; return the pulses, the reference of their times [ns]
+    and the duration [s].
+    """
     rate_hz = source.sample_rate_hz
     if frequency_hz is None:
         low_hz, high_hz = -rate_hz / 2, rate_hz / 2

@@ -18,7 +18,7 @@ class MeasuredRate:
     interval_s: float
     interval_sigma_s: float
     jitter_s: float
-    """Standard deviation of pulse times from equal intervals [s], error included."""
+    """Standard deviation of pulse times from equal intervals [s], with measurement error."""
     largest_deviation_s: float
     drift: float
     drift_sigma: float
@@ -50,9 +50,10 @@ class MeasuredTag:
     """Pulse intervals of the tag, sorted by number of pulses, largest first."""
 
     def entry(self, tag_id: int, name: str | None = None) -> Tag:
-        """Return a tag list entry of at most two intervals, with margins for seasonal changes:
-        1 % or the measured uncertainty for the interval, a quarter above the largest deviation
-        for the jitter.
+        """Return a tag list entry of at most two intervals, with margins for seasonal changes.
+
+        The tolerance of the interval is 1 %, or the measured uncertainty if that is greater.
+        The jitter is a quarter above the largest deviation.
         """
         rates = self.rates[:2]
         interval_s = max(rate.interval_s for rate in rates)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 COARSE: Final = 4
 """Step of the first search for a pulse's edges [samples]."""
 SMOOTH_S: Final = 0.002
-"""Hann window that removes signals over 1 kHz off [s]; it leaves edges in place."""
+"""Length of the Hann window that removes signals more than 1 kHz off [s]; it does not shift the
+pulse's edges."""
 IMPULSE_S: Final = 0.0013
 IMPULSE_RATIO: Final = 30.0
 """Power ratio of a sample to the median on both sides that makes it an impulse.
@@ -34,7 +35,8 @@ TURNS: Final = 3
 SLOPES_HZ_S: Final = np.arange(-30e3, 30.1e3, 2.5e3)
 """Slopes of the frequency that are tried [Hz/s]: up to 600 Hz in a pulse of 20 ms."""
 SLIDING_GAIN: Final = 1.3
-"""Minimum energy gain of a tag's frequency slope; a slide of 140 Hz has it."""
+"""Minimum gain of pulse energy by a slope for it to be the tag's; a slide of 140 Hz within a
+pulse has it."""
 MOST_TRIED: Final = 60
 """Number of pulses of a tag from which its slope is measured."""
 

@@ -35,7 +35,7 @@ def point_of(one: Located) -> Point:
 
 
 def ray_length_m(bearing: TagBearing, position: Position | None) -> float:
-    """Drawn length of a bearing [m]: a fifth beyond the tag's position, or `RAY_M`."""
+    """Drawn length of a bearing [m]: a fifth beyond the tag or, if unknown, `RAY_M`."""
     if position is None:
         return RAY_M
     plane = _plane(bearing)
@@ -92,7 +92,9 @@ def path_points(position: Position | None) -> list[Point]:
 
 
 def region_lines(position: Position, share: int) -> list[list[Point]]:
-    """Outlines of the smallest region of `share` percent, cut at the 180° meridian."""
+    """Outlines of the smallest region that contains the tag with a probability of `share`
+    percent, cut at the 180° meridian.
+    """
     if position.grid is None:
         return []
     rings = _outlines(position.grid, share / 100.0)
@@ -100,7 +102,11 @@ def region_lines(position: Position, share: int) -> list[list[Point]]:
 
 
 def rings95(position: Position) -> list[list[Point]]:
-    """Outlines of the smallest 95 % region, else ellipse or circle; uncut, for local maps."""
+    """Outlines of the smallest 95 % region; without a probability grid, the 95 % ellipse or
+    circle.
+
+    They are for local maps and are not cut at the 180° meridian.
+    """
     if position.grid is not None:
         return _outlines(position.grid, 0.95)
     area = region95(position)

@@ -165,7 +165,7 @@ class DetectionChain:
         return [report for detector in searching for report in detector.search_reports()]
 
     def _reported(self, pulses: list[Pulse]) -> list[Pulse]:
-        """Remove pulses in excluded ranges; mark pulses while the receiver clipped."""
+        """Remove pulses in excluded frequency ranges; mark pulses with receiver clipping."""
         covers = self.clipping.times.covers
         return [
             replace(pulse, clipped=True)
@@ -197,7 +197,9 @@ class Searched:
 
     @property
     def weakest_enr_db(self) -> float:
-        """Mean ENR of a pulse at which 90 % of groups are detected [dB]."""
+        """Mean energy of a pulse over the noise density at which 90 % of groups are detected
+        [dB].
+        """
         return self._weakest_db / self._reports
 
 

@@ -60,7 +60,9 @@ class FlightWriter:
 
     @property
     def without_pose(self) -> int:
-        """Number of pulses outside the poses' time; if high, flight or start is wrong."""
+        """Number of pulses outside the time span of the poses; a high number means a wrong
+        flight or start time.
+        """
         return self._attacher.without_pose
 
     def write(self, pulses: Sequence[Pulse]) -> None:
@@ -75,7 +77,7 @@ class FlightWriter:
         self._recorder.close()
 
     def discard(self) -> None:
-        """Remove the new flight if no samples were searched, so that it does not count."""
+        """Remove the new flight if no samples were searched, lest it count as a flight."""
         self._recorder.close()
         for path in set(self.directory.iterdir()) - self._before:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -93,7 +95,10 @@ class FlightWriter:
 
 
 def posed_in(flight: Flight, pulses: Sequence[Pulse]) -> tuple[PulsePose, ...]:
-    """Add a flight's antenna poses to pulses, by time and tag; None outside the flight."""
+    """Add the antenna's poses in a flight to pulses; return them in order of time and tag.
+
+    A pulse outside the time span of the flight gets no pose.
+    """
     settings = flight_settings(flight)
     attacher = _attacher_of(flight, AntennaSettings() if settings is None else settings.antenna)
     for pulse in pulses:

@@ -39,7 +39,8 @@ from uavrt.radio.opening import open_recording
 SWITCH_KEY = "uavrt:antenna_switch"
 """Name of the antenna switch's entry in SigMF metadata (docs/reference/formats.md)."""
 _EDGE = 0.1
-"""Share of a pulse excluded at each end: 2 of 20 ms, twice the start's error."""
+"""Share of a pulse's width that is excluded at each end: 2 ms of 20 ms, twice the error of the
+measured start."""
 _ONE_PLACE_M = 15.0
 _METHODS: dict[str, ArrayMethod] = {
     "circle": "pseudo_doppler",
@@ -72,7 +73,7 @@ class SwitchedArray:
 
 
 def read_switched_array(recording: str | os.PathLike[str]) -> SwitchedArray:
-    """Antenna array in a recording's metadata. `FormatError` if missing or wrong."""
+    """Antenna array in a recording's metadata. Raises `FormatError` if missing or wrong."""
     entry = sigmf_global(Path(recording), SWITCH_KEY)
     if not isinstance(entry, dict):
         raise FormatError(

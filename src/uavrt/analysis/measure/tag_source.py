@@ -63,7 +63,7 @@ def read_tag_source(path: str | os.PathLike[str]) -> TagSource:
 
 
 def _is_detector_config(path: Path) -> bool:
-    """True if a file has the keys of a detectorConfig.txt; False if not or unreadable."""
+    """True if a file can be read and has the keys of a detectorConfig.txt."""
     try:
         with path.open("rb") as file:
             return _KEYS_OF_ITS_OWN.search(file.read(65_536)) is not None

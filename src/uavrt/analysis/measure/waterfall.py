@@ -20,7 +20,8 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND
 COLUMNS: Final = 1024
 """Number of spectrogram columns, about as many as a picture has pixels across."""
 TRACE_POINTS: Final = 1 << 21
-"""Most points in a level trace (5.8 h of 20 ms pulses); then neighbours are joined."""
+"""Maximum number of points in a level trace (5.8 h of 20 ms pulses); beyond it, neighbouring
+points are joined."""
 
 _MOST_OFF: Final = 0.75
 """Time error above which spectra are aligned again with the block times [half pulse widths]."""
@@ -54,8 +55,10 @@ class MaximumHold:
 
 
 class Waterfall:
-    """Spectrogram around one tag's frequency, and the strongest level at each time, by Hann
-    windows of one and a half times `pulse_width_s`.
+    """Spectrogram around one tag's frequency, and the strongest level at each time.
+
+    `pulse_width_s` sets the length of the Hann window to one and a half pulses, so that it
+    covers a whole pulse.
     """
 
     def __init__(

@@ -31,7 +31,8 @@ _BETWEEN_IN = 0.06
 _LINE = 0.0155
 """Line height of 9-point text, with spacing, as a share of the page's height."""
 _LEAST_SHARE = 0.6
-"""Smallest share of its height for a picture before it moves to the next page."""
+"""Smallest share of its height to which a picture is reduced before it is moved to the next
+page."""
 _WARNING = "#8a5a00"
 
 

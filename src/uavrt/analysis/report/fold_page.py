@@ -1,6 +1,8 @@
-"""Draw flights folded at a tag's pulse interval, so that a detection can be checked by eye:
-phase to the right, time downwards, a tag as a vertical line, and above the weighted sum of all
-rows.
+"""Draw flights folded at a tag's pulse interval, so that a detection can be checked by eye.
+
+Phase is shown to the right and time downwards, as for pulsars: a tag appears as a vertical line
+in the noise. The profile above is the sum of all rows, in which each pulse is weighted as in
+the search.
 """
 
 from typing import TYPE_CHECKING

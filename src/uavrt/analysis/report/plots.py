@@ -1,4 +1,5 @@
-"""Draw a detection run for each tag: waterfall with pulses, folded pulses, SNR.
+"""Draw the results of a detection run for each tag: waterfall with pulses, folded pulses, SNR
+over time.
 
 Matplotlib, from the extra ``uavrt[analysis]``, is used without pyplot and without a display.
 The colours are those of Okabe and Ito (2008), which people with any kind of colour vision can
@@ -33,9 +34,9 @@ STYLES: Final[dict[DetectionStatus, tuple[str, str, str]]] = {
 }
 """Colour, marker shape and legend text of each pulse status."""
 CIRCLED: Final = 40
-"""Most pulses circled in a waterfall; more circles would hide the picture."""
+"""Maximum number of circled pulses in a waterfall; more would hide the picture."""
 TICKED: Final = 400
-"""Most pulses marked by ticks above a waterfall; more ticks would touch."""
+"""Maximum number of pulses marked by ticks above a waterfall; more would touch."""
 RASTER_ROWS: Final = 700
 LEAST_DB: Final = 6.0
 LEAST_HZ: Final = 20.0
@@ -222,7 +223,7 @@ def draw_beat(tag: Tag, waterfall: Waterfall, pulses: Sequence[Pulse]) -> "Figur
 
 
 def _draw_raster(axes: "Axes", waterfall: Waterfall, interval_s: float, first_s: float) -> None:
-    """Level along each interval as a row; of too many intervals several share a row."""
+    """Draw the level along each interval as a row; too many intervals share rows."""
     trace, step_s = waterfall.trace, waterfall.trace_s
     at = np.arange(trace.size) * step_s + waterfall.frame_center_s
     phase = (at - first_s) / interval_s + 0.5

@@ -37,7 +37,7 @@ class Cards:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Table with relative column widths; HTML shows one with a title `folded` collapsed."""
+    """Table with relative column widths; with a title `folded`, HTML shows it collapsed."""
 
     table: words.Table
     widths: tuple[int, ...]

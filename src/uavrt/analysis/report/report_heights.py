@@ -1,4 +1,4 @@
-"""Draw a monopole survey by height: SNR, vertical section, maps of height ranges."""
+"""Draw a monopole survey by height: SNR, vertical section and height range maps."""
 
 from typing import TYPE_CHECKING
 
@@ -50,7 +50,7 @@ def draw_heights(target: "FigureBase", signal: TagSignal) -> None:
 def draw_layers(
     target: "FigureBase", survey: Survey, signal: TagSignal, first: int = 0
 ) -> None:
-    """Draw up to `PER_PAGE` height ranges' maps from number `first` in one color scale."""
+    """Draw up to `PER_PAGE` height range maps from number `first`, in one color scale."""
     layers = signal.layers[first : first + PER_PAGE]
     every = np.concatenate(
         [one.surface.snr_db.ravel() for one in signal.layers if one.surface is not None]

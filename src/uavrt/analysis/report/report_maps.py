@@ -165,7 +165,9 @@ def draw_overview(target: "FigureBase", survey: Survey) -> None:
 
 
 def draw_tag_map(target: "FigureBase", survey: Survey, tag_id: int) -> None:
-    """Draw a tag's pulses by SNR, bearings with 90 % sectors, probability and position."""
+    """Draw one tag's map: pulses coloured by SNR, bearings with 90 % sectors, probability and
+    position.
+    """
     pulses = [one for one in survey.pulses_of(tag_id) if one.pose is not None]
     if not survey.track or not pulses:
         message(target, "No map: this tag was not detected at any known position.")
@@ -330,7 +332,7 @@ _MOST_LABELS = 4
 
 
 def nice_below(value: float) -> float:
-    """Largest number 1, 2 or 5 times a power of ten that does not exceed a value."""
+    """Largest 1, 2 or 5 times a power of ten that does not exceed a value."""
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in _NICE if step * power <= value * (1 + 1e-9))
 

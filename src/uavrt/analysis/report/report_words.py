@@ -148,7 +148,7 @@ def code_table(survey: Survey) -> Table | None:
 
 
 def _gaps(tag: Tag, bursts: Sequence[Pulse]) -> tuple[str, str, str]:
-    """Row of a coded tag: listed gaps, medians of received gaps, number of bursts."""
+    """Row of a coded tag: listed gaps, medians of received gaps, and number of bursts."""
     heard = [
         np.diff(one.burst_starts_ns) / 1e6
         for one in bursts
@@ -338,7 +338,7 @@ def _without_position(survey: Survey, tag_id: int) -> FactTable:
 
 
 def _undetected(reports: Sequence[SearchReport]) -> FactTable:
-    """Rows for an undetected tag: duration of the search, weakest detectable pulses."""
+    """Rows for an undetected tag: search duration and weakest detectable pulses."""
     if not reports:
         return FactTable(rows=(("Detected", ["no"]),))
     seconds = (reports[-1].time_ns - reports[0].time_ns) / NANOSECONDS_PER_SECOND

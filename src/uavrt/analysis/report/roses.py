@@ -38,7 +38,7 @@ def headings_and_snr(survey: Survey, bearing: TagBearing) -> tuple[_Floats, _Flo
 
 
 def draw_roses(target: "FigureBase", survey: Survey, tag_id: int, first: int = 0) -> None:
-    """Draw plots and residuals of up to `COLUMNS` bearings from number `first`."""
+    """Draw polar plots and residuals of up to `COLUMNS` bearings from number `first`."""
     bearings = survey.bearings_of(tag_id)[first : first + COLUMNS]
     if not bearings:
         message(target, "No polar plot: no turn in place has three pulses of this tag.")

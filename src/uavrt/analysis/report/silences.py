@@ -1,4 +1,4 @@
-"""Draw coverage maps, from dark blue (not detectable) to yellow (detected)."""
+"""Draw coverage maps, from dark blue (not detectable) to yellow (surely detected)."""
 
 import io
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ CAPTION = (
 
 
 def summary(one: SilentMap) -> FactTable:
-    """Table of a coverage map: result, tag power, detection probability, limits."""
+    """Table of a coverage map: result, assumed power, detection probability and limits."""
     found = one.coverage
     if one.heard_pulses:
         result = f"detected ({counted(one.heard_pulses, 'confirmed pulse')})"

@@ -45,7 +45,7 @@ _POINTS_PER_IN = 72.0
 
 
 def styled() -> Any:
-    """Context manager with the figures' style. `UsageError` without matplotlib."""
+    """Context manager with the figures' style. Raises `UsageError` without matplotlib."""
     with needs_extra("analysis", "a report"):
         import matplotlib as mpl
     settings: Any = _SETTINGS  # the stubs want each key as a literal
@@ -100,7 +100,7 @@ def _width_in(text: str, size: float, bold: bool) -> float:
 
 
 def outlined() -> Any:
-    """Effect that outlines text and lines in white, to be visible on colors."""
+    """Path effect that outlines text and lines in white, to show on colors."""
     from matplotlib.patheffects import withStroke
 
     return withStroke(linewidth=2.5, foreground="white")

@@ -35,10 +35,11 @@ CLEAR = 1.15
 """Minimum ratio of the misfit 5 s away to that at the best clock offset."""
 _ELSEWHERE_S = 5.0
 MOST_HEADING_SIGMA_DEG = 3.0
-"""Largest heading error by the clock offset [deg]; a turn's bearing errs by degrees."""
+"""Largest accepted heading error from an uncertain clock offset [deg]; the error of a bearing
+from one turn is a few degrees."""
 _LEAST_PULSES = 12
 _LEAST_SHARE = 0.25
-"""Minimum share of pulses in a track; less suggests the track of another flight."""
+"""Minimum share of pulses that a track covers; less suggests another flight's track."""
 _MOST_LOST = 0.2
 """Largest share of the pulses that could be covered which an offset may leave without a pose.
 
@@ -59,14 +60,17 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset:
-    """Offset of the pulses' clock from the track's (positive: ahead), with uncertainty."""
+    """Offset of the pulses' clock from the track's clock, positive if the pulses' clock is
+    ahead, with its uncertainty.
+    """
 
     offset_s: float
     found_by: str
     """Source of the offset: ``"given"`` by the user, or estimated from the pulses' ``"poses"``
     or their SNR (``"powers"``)."""
     sigma_s: float | None = None
-    """Standard deviation by a jackknife over eighths of the flight [s]; None if given."""
+    """Standard deviation of the offset, by a jackknife over eighths of the flight [s]; None if
+    the offset was given."""
     heading_sigma_deg: float | None = None
     """Heading error from the clock offset's uncertainty at the flown turn rate [deg]."""
 
@@ -103,7 +107,7 @@ def _grounded(one: PulsePose, track: VehicleTrack) -> PulsePose:
 
 
 def require_poses(attached: Sequence[PulsePose], offset_s: float) -> int:
-    """Number of pulses with a pose. `UsageError` if fewer than a quarter have one."""
+    """Number of pulses with a pose. Raises `UsageError` if under a quarter have one."""
     placed = sum(one.pose is not None for one in attached)
     if attached and placed < _LEAST_SHARE * len(attached):
         raise UsageError(
@@ -207,7 +211,10 @@ class _TagOnTrack:
     antenna: str
 
     def squares(self, east_m: _Floats, north_m: _Floats) -> _Floats:
-        """Sum of squared SNR residuals at each place [dB²], (places,), the level fitted."""
+        """Sum of squared SNR residuals for a tag at each place [dB²], shape (places,).
+
+        The model is antenna pattern and distance; the level is fitted.
+        """
         towards_e = east_m[:, None] - self.east_m[None, :]
         towards_n = north_m[:, None] - self.north_m[None, :]
         bearing = np.degrees(np.arctan2(towards_e, towards_n))

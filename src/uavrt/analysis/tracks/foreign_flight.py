@@ -22,7 +22,9 @@ def flight_of_track(
     offset_s: float = 0.0,
     yaw_offset_deg: float = 0.0,
 ) -> Flight:
-    """Create a flight from a track, 5 poses a second; `offset_s` is added to its times."""
+    """Create a flight from a track with 5 antenna poses a second; `offset_s` is added to the
+    track's times.
+    """
     if len(track.attitudes) < 2 or len(track.positions) < 2:
         raise UsageError(f"{name} is an empty track", remedy="Give another log")
     poses = _poses(track.shifted(ns_from_s(offset_s)), yaw_offset_deg)

@@ -13,7 +13,11 @@ from uavrt.formats.tracks.ulog import read_ulog
 
 
 def read_track(path: Path, vehicle: int | None = None) -> VehicleTrack:
-    """Read a track by its content; `vehicle`: id in a .tlog of several. `FormatError`."""
+    """Read a track file, whose kind is recognised by its content.
+
+    `vehicle` is the MAVLink system id of the vehicle to read from a .tlog, which may contain
+    several; None: the only one. Raises `FormatError` if the file cannot be read.
+    """
     with os_errors_as(FormatError, f"cannot read {path}", "Check the name"):
         require_plain_file(path)
         with path.open("rb") as file:

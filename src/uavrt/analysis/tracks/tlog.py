@@ -36,7 +36,7 @@ _ATTITUDE_ID, _ATTITUDE_SEED = 30, 39
 _AUTOPILOT = 1
 """MAVLink component id of an autopilot."""
 _MOST_WRONG = 300_000
-"""Most frame markers without a valid frame; reading stops there."""
+"""Maximum number of frame markers without a valid frame; reading stops there."""
 _SANE_UNIX_US = 1_400_000_000_000_000
 
 

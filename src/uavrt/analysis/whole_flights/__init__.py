@@ -1,1 +1,1 @@
-"""Search whole flights' recorded samples for tags, and describe the results."""
+"""Search whole flights' recorded samples for tags, and describe results in words."""

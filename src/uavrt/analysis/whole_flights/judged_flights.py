@@ -1,4 +1,5 @@
-"""Search whole flights for tags too weak for groups of pulses, as ``uavrt integrate``.
+"""Search whole flights for tags that are too weak for single groups of pulses, as in ``uavrt
+integrate``.
 
 The inputs are a recording of the band or of a channel, and the poses of the flight. Each tag is
 found or not found, at a given probability of a false alarm in the flight. For a tag that is
@@ -43,7 +44,7 @@ LEAST_PART = 0.05
 """Probability from which one of several possible tag positions is listed."""
 _POLL_S = 0.5
 _MOST_CHANNELS = 8
-"""Most recorded channels in memory at a time; ten minutes of one take 36 MB."""
+"""Maximum number of recorded channels in memory; ten minutes of one take 36 MB."""
 
 Channel = tuple[NDArray[np.complex64], NDArray[np.bool_], int]
 
@@ -77,14 +78,18 @@ class IntegratedTag:
 
     @property
     def ambiguous(self) -> OtherTrain | None:
-        """Train that may be this tag's, as at 3/2 of its interval; None if found, or none."""
+        """Pulse train that may be this tag's, for example at 3/2 of its interval; None if the
+        tag was found or no train fits.
+        """
         if self.found:
             return None
         return next((one for one in self.others if one.ratio is not None), None)
 
     @property
     def pulse_times_ns(self) -> NDArray[np.int64]:
-        """Start times of the train's pulses [ns, UTC], (n,), to the jitter and time slot."""
+        """Start times of the train's pulses [ns, UTC], shape (n,), accurate to the jitter and
+        the time slot.
+        """
         since_ns = self.pulses.time_s * NANOSECONDS_PER_SECOND
         return np.asarray(self.energies.start_ns + np.rint(since_ns).astype(np.int64))
 
@@ -184,7 +189,7 @@ def integrate_flight(
 def _window_held(
     tag: Tag, window_hz: float, center_hz: float, rate_hz: float
 ) -> tuple[float, tuple[str, ...]]:
-    """Half-width to search around a tag [Hz]; a sentence if less than requested."""
+    """Half-width to search around a tag [Hz], with a sentence if less than requested."""
     held_hz = max(0.0, 0.5 * rate_hz - abs(tag.frequency_hz - center_hz))
     if window_hz <= held_hz:
         return window_hz, ()
@@ -264,7 +269,7 @@ def judged_tag(
 
 
 def assumed_in_words(searched: SearchedFor) -> tuple[str, ...]:
-    """Sentence that the antenna was assumed; empty if flight or user specified it."""
+    """Sentence that the antenna was assumed; empty if the flight or user specified it."""
     if not searched.antenna_assumed:
         return ()
     return (
@@ -293,8 +298,10 @@ def channel_samples(
     on_progress: Callable[[int, int | None], None] | None,
     on_fault: Callable[[str], None] | None = None,
 ) -> dict[int, Channel]:
-    """Read a recording, and return the samples of the front end's channels by number. With
-    `on_fault`, it gets the fault of a damaged one, used up to there.
+    """Read a recording, and return the samples of the front end's channels by channel number.
+
+    With `on_fault`, a damaged recording is used up to the fault, and `on_fault` is called with
+    its description.
     """
     blocks: dict[int, list[tuple[NDArray[np.complex64], int]]] = {
         channel: [] for channel in front_end.plan.channels_in_use

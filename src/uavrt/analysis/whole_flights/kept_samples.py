@@ -42,7 +42,9 @@ class KeptChannel:
 def kept_channels(
     flight: Path, on_fault: Callable[[str], None] | None = None
 ) -> tuple[KeptChannel, ...]:
-    """Recorded channels of a flight by frequency; `on_fault` gets faults of files."""
+    """Return the recorded channels of a flight, in order of frequency; `on_fault` is called
+    with faults of files.
+    """
     found: dict[tuple[float, float], list[tuple[Path, int, int]]] = {}
     for path in sorted(FlightLayout(flight).channels_directory.glob("*.sigmf-meta")):
         try:
@@ -127,5 +129,7 @@ def left_out_in_words(faults: Iterable[str]) -> tuple[str, ...]:
 
 
 def _further(on_tag: Callable[[int], None] | None, before: int) -> Callable[[int], None] | None:
-    """Progress callback that adds `before`, the tags finished in earlier channels."""
+    """Return a progress callback that adds `before`, the number of tags finished in earlier
+    channels.
+    """
     return None if on_tag is None else lambda done: on_tag(before + done)

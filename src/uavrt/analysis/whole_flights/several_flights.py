@@ -1,5 +1,7 @@
-"""Search several flights for one tag together, as in ``uavrt integrate``: with half of the
-false-alarm probability; the other half is divided among the single flights.
+"""Search several flights for one tag together, as in ``uavrt integrate``.
+
+Half of the false-alarm probability is used for all flights together. The other half is divided
+equally among the single flights. A resting tag has one position in all flights.
 """
 
 import math
@@ -38,7 +40,8 @@ from uavrt.localization.whole_flight.train_place import (
 
 _Floats = NDArray[np.float64]
 MOST_APART_M = 2000.0
-"""Largest distance of a flight from the middle of all for a common position [m]."""
+"""Largest distance of a flight from the middle of all flights at which a common position is
+estimated [m]."""
 _TOGETHER = 0.5
 """Share of the false-alarm probability used for the decision by all flights together."""
 _LISTED = 0.9
@@ -51,7 +54,8 @@ class TagOfFlights:
 
     tag: Tag
     false_alarm_probability: float
-    """Probability that noise alone gives such a result, together or in any flight."""
+    """Probability that noise alone gives such a result, in all flights together or in any
+    single flight."""
     found: bool
     together: bool
     """True if all flights together show the tag; False if only single flights do."""
@@ -70,7 +74,9 @@ def share_alone(false_alarm_probability: float, flights: int) -> float:
 
 
 def common_tags(flights: Sequence[Flight], listed: Sequence[Tag] | None = None) -> list[Tag]:
-    """Tags that all flights list, or `listed`; `UsageError` for none or unequal entries."""
+    """Return the tags that all flights list, or `listed` if given. Raises `UsageError` if there
+    is none or entries differ.
+    """
     for before, after in pairwise(sorted(flights, key=lambda one: one.info.start_time_ns)):
         if before.info.start_time_ns == after.info.start_time_ns:
             raise UsageError(
@@ -165,7 +171,9 @@ class _View:
         )
 
     def heard(self, joint: JointTrain, number: int) -> HeardTrain:
-        """Train in this flight, found in it alone or, if not, in all together."""
+        """Return the pulse train in this flight, found in it alone or, if not, in all flights
+        together.
+        """
         one, train = self.judged, joint.trains[number]
         rates = len(one.tag.pulse_intervals_s)
         if one.found:
@@ -185,8 +193,10 @@ class _View:
         chance: float,
         flights: int,
     ) -> IntegratedTag:
-        """Return the result of this flight for a tag that is found in all flights together; it
-        shows the tag if its train is the tag's with a probability of 0.9.
+        """Return the result of this flight for a tag that is found in all flights together.
+
+        The flight counts as showing the tag if its pulse train is the tag's with a probability
+        of 0.9 or more.
         """
         if common is None:
             place = place_belief([replace(heard, log_trains=None)])
@@ -246,7 +256,7 @@ def _common_places(
     pattern: AntennaPattern,
     elevation: Elevation | None,
 ) -> list[Places]:
-    """Candidate positions for each flight, around the middle of all flights."""
+    """Candidate positions of the tag for each flight, around the middle of all flights."""
     middles = [one.places.plane for one in judged]
     latitude = np.array([one.latitude_deg for one in middles])
     longitude = np.array([one.longitude_deg for one in middles])

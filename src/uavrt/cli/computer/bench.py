@@ -21,7 +21,8 @@ from uavrt.flight.flight_order import flights_in_order
 from uavrt.flight.reading.quiet_noise import read_usual_noise_db
 
 LISTEN_NS = ns_from_s(30.0)
-"""Time of observing the running system [ns]: several intervals, thirty noise reports."""
+"""Time for which the running system is observed [ns]; it contains several intervals of any tag
+and thirty noise reports."""
 ENOUGH_NS = ns_from_s(5.0)
 """Time after which the observation may end early if all checks pass [ns]."""
 AUTOPILOT_RECEIVED = ("ready", "waiting for ground station")

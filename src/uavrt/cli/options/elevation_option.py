@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 
 
 def elevation_of(dem: Path | None, *, sea: bool = False) -> "Elevation | None":
-    """Open elevation files, None without `dem`; `sea`: ground without data is water."""
+    """Open elevation files; None if `dem` is not given.
+
+    `sea`: treat ground without elevation data as water at height 0.
+    """
     if dem is None and sea:
         raise ConfigError(
             "--sea has no effect without elevation files",

@@ -26,7 +26,10 @@ def require_content(paths: Sequence[Path]) -> None:
 
 
 def refuse(given: dict[str, bool], sentence: str) -> None:
-    """Raise `ConfigError` for a set option of `given`, whose name fills `{}` in `sentence`."""
+    """Raise `ConfigError` if one of the options in `given` is set.
+
+    `sentence`: text of the error, with `{}` for the option's name.
+    """
     for option, wrong in given.items():
         if wrong:
             raise ConfigError(sentence.format(option), remedy=f"Leave {option} out")

@@ -1,5 +1,7 @@
-"""Types of command-line options, with their limits: "not a number" and infinity would pass most
-validators, and fail far from the command line.
+"""Types of command-line options, with their limits.
+
+Every number on the command line has one of these types. "Not a number" and infinity would pass
+the comparisons of most validators, and fail far from the command line.
 """
 
 import math
@@ -60,7 +62,8 @@ Tally = Annotated[int, Parameter(validator=Between(least=0))]
 """Type of an option for a whole number of at least 0."""
 Seconds = Annotated[float, Parameter(validator=Between(above=0, unit="s"))]
 SecondsApart = Annotated[float, Parameter(validator=Between(least=-1e9, most=1e9, unit="s"))]
-"""Type of an option for a clock difference [s]; an unset clock begins in 1970."""
+"""Type of an option for a clock difference [s], at most 1e9, because an unset clock begins in
+1970."""
 Minutes = Annotated[float, Parameter(validator=Between(above=0, unit="min"))]
 Hertz = Annotated[float, Parameter(validator=Between(above=0, unit="Hz"))]
 TagFrequency = Annotated[float, Parameter(validator=Between(least=20e6, most=1e9, unit="Hz"))]

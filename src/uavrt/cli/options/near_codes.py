@@ -7,7 +7,10 @@ from uavrt.core.messages import Tag
 
 
 def warn_of_near_codes(tags: Sequence[Tag], window_hz: float | None = None) -> None:
-    """Warn of similar codes of tags whose search bands overlap; `window_hz`: half-width."""
+    """Warn of similar codes of tags whose search bands overlap.
+
+    `window_hz`: half-width of the search bands; None: the usual window.
+    """
     if not any(tag.coded for tag in tags):
         return
     from uavrt.config.settings import DetectionSettings

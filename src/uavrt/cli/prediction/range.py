@@ -143,7 +143,10 @@ def _row(tag: "Tag", budget: "LinkBudget") -> dict[str, Any]:
 
 
 def _whole_flight_db(tag: "Tag", antenna: str, pulses: int) -> tuple[float, float]:
-    """Energy-to-noise ratio of the strongest pulse for detection with 0.5 and 0.9 [dB]."""
+    """Energy-to-noise ratio of the strongest pulse for detection [dB].
+
+    It is given for detection probabilities of 0.5 and 0.9.
+    """
     import numpy as np
 
     from uavrt.analysis.measure.antenna_files import antenna_named

@@ -1,4 +1,7 @@
-"""Limit numpy to one thread and choose its instructions; import this before numpy."""
+"""Limit numpy's linear algebra to one thread, and select its vector instructions.
+
+Must be imported before numpy.
+"""
 
 import os
 

@@ -47,7 +47,10 @@ def check_place(output: Path, *, overwrite: bool = False) -> None:
 
 
 def make_directory(path: Path, option: str) -> None:
-    """Create an output directory before the work; `ConfigError` names the `option`."""
+    """Create an output directory before the work starts.
+
+    Raises `ConfigError` with the name of the `option` if that fails.
+    """
     with os_errors_as(
         ConfigError, f"{path} cannot be made", f"Choose a writable directory for {option}"
     ):

@@ -17,7 +17,10 @@ def harmless(text: str) -> str:
 
 
 class TerminalText:
-    """Wraps the terminal `stream`, whose methods it has, so that it prints harmless text."""
+    """Wraps the terminal `stream` so that it prints only harmless text.
+
+    All other methods are those of the stream.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

@@ -118,7 +118,10 @@ async def _list_samples(client: FileClient, flight: str) -> None:
 
 
 async def _wanted(client: FileClient, flight: str, left: tuple[str, ...]) -> list[RemoteEntry]:
-    """Files of a flight (empty: newest), small ones first, without the samples in `left`."""
+    """List the files of a flight, small files first, except the kinds of samples in `left`.
+
+    An empty flight name selects the newest flight.
+    """
     path = PurePosixPath("/" + flight.strip("/"))
     if not flight:
         names = await drone_flights(client)

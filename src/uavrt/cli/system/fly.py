@@ -228,7 +228,10 @@ def _places(action: str, numbers: tuple[float, ...], area: Path | None) -> Place
 
 
 def _keep_out(area: Path | None, keep_out: Path | None) -> tuple[KeepOut, ...]:
-    """Areas marked "keep out" in the area's file, and all areas in the keep-out file."""
+    """Areas that must not be flown over.
+
+    They are the areas marked "keep out" in the area's file and all areas in the keep-out file.
+    """
     marked = () if area is None else keep_out_in(_text_of(area), str(area))
     if keep_out is None:
         return marked

@@ -95,7 +95,10 @@ def run(
 
 
 def without_autopilot(settings: Settings) -> Settings:
-    """Copy the settings without the autopilot; `ConfigError` without another pose's source."""
+    """Copy the settings without the autopilot; the pose must then have another source.
+
+    Raises `ConfigError` if it has none.
+    """
     if settings.pose.source == "autopilot":
         return settings
     pose_address(settings.pose)

@@ -12,7 +12,8 @@ from uavrt.config.tags.tag_drafts import Entry, Fault, TagDraft
 from uavrt.core.messages import Tag
 
 MAX_CODES = 500
-"""Maximum number of coded tags in a list, as one core can search for."""
+"""Maximum number of coded tags in a list; one core can search for this many besides its other
+work."""
 MOST_NEAR = 50
 """Maximum number of pairs of similar codes that are printed as warnings."""
 MAX_GAPS = 7
@@ -52,7 +53,9 @@ def faults_of_gaps(
 def _faults_of_numbers(
     gaps: Sequence[Entry], width_ms: float
 ) -> tuple[float, list[tuple[Entry, str]]]:
-    """Check the gaps; return the factor to ms (1000 if in seconds), and the faults."""
+    """Check each gap. Return the factor that converts the given numbers to milliseconds (1000
+    if they look like seconds), and the faults.
+    """
     if all(0.0 < 1e3 * gap.number < MAX_GAP_MS and gap.number < width_ms for gap in gaps):
         seconds = ", ".join(f"{1e3 * gap.number:.10g}" for gap in gaps)
         return 1e3, [(gaps[0], f"looks like seconds but is read as ms: write {seconds}")]
@@ -120,13 +123,17 @@ class _Code:
 
 
 class _Codes:
-    """Set of codes, indexed by number of gaps and total length."""
+    """Set of codes in which an equal code is found quickly, indexed by number of gaps and total
+    length.
+    """
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, ...], list[tuple[_Code, int]]] = {}
 
     def first(self, code: _Code, place: int) -> int:
-        """Return the index of the first equal code; else store the code and return `place`."""
+        """Return the index of the first tag with an equal code. If there is none, store the
+        code and return `place`, this tag's own index.
+        """
         numbers = (*code.gaps_ms, code.interval_ms, code.frequency_khz)
         if not all(map(math.isfinite, numbers)):
             return place  # reported elsewhere
@@ -152,7 +159,9 @@ def _are_same(one: _Code, other: _Code) -> bool:
 
 
 def near_codes(tags: Sequence[Tag], window_hz: float) -> list[tuple[Tag, Tag, float]]:
-    """Find similar codes in overlapping bands; return pairs with their difference [s]."""
+    """Find pairs of tags with similar codes in overlapping search bands; return each pair with
+    the total difference of the gaps [s].
+    """
     found: list[tuple[int, int, float]] = []
     by_length: dict[int, list[tuple[float, int]]] = {}
     for place, tag in enumerate(tags):

@@ -1,4 +1,6 @@
-"""Group tags whose search bands overlap, as each then receives the others' pulses."""
+"""Group tags whose search bands overlap. The search for one tag of a group also receives the
+pulses of the others.
+"""
 
 from collections.abc import Sequence
 
@@ -6,7 +8,9 @@ from uavrt.core.messages import Tag
 
 
 def overlapping(bands_hz: Sequence[tuple[float, float]]) -> list[list[int]]:
-    """Return the indices of bands (lower, upper) that overlap, in connected groups."""
+    """Group frequency bands (lower and upper edge) that overlap directly or through other
+    bands; return the bands' indices.
+    """
     found: list[list[int]] = []
     reach_hz = 0.0
     for place in sorted(range(len(bands_hz)), key=lambda at: bands_hz[at]):

@@ -12,18 +12,22 @@ MEASURED: Final = (BeepKind.LISTED, BeepKind.OFF_LABEL, BeepKind.OTHER_RATE)
 DRIFT: Final = 0.005
 """Assumed relative change of a tag's interval with temperature and battery (0.005: 0.5 %)."""
 LEAST_UNCERTAINTY: Final = 0.01
-"""Relative difference up to which a measured interval equals the listed one."""
+"""Relative difference up to which a measured interval agrees with the listed one (0.01: 1
+%)."""
 _DRIFT_HZ: Final = 100.0
-"""Difference from the label that is corrected [Hz]; a fifth of the search window."""
+"""Difference from the labelled frequency above which the tag's entry is corrected [Hz]; a fifth
+of the usual search window."""
 _SEARCH_HZ: Final = 530.0
 """Half-width of a tag's usual search band, plus the error of a measured frequency [Hz]."""
 _LEAST_SHARED_PPM: Final = 0.5
-"""Minimum offset common to all tags that counts as the receiver's [ppm]."""
+"""Minimum frequency offset common to all tags that is attributed to the receiver's oscillator
+[ppm]."""
 _AGREE_PPM: Final = 1.5
 """Maximum difference of one tag's frequency offset from the offset common to all tags [ppm].
 The difference must also be below a sixth of the common offset."""
 _SHARE: Final = 0.75
-"""Minimum share of tags with a common offset; one of four may have drifted."""
+"""Minimum share of tags that must have a common frequency offset; of four tags, one may have
+drifted independently."""
 _LEAST_JITTER_S: Final = 0.002
 _JITTER_SIGMAS: Final = 3.0
 
@@ -144,7 +148,9 @@ def _agrees(ppm: float, shared_ppm: float) -> bool:
 
 
 def shared_offset_in_words(found: Iterable[Beep]) -> list[str]:
-    """Sentence on the tags' common offset and the setting that corrects it, if any."""
+    """Return one sentence that states the frequency offset common to all tags and the setting
+    that corrects it; empty without such an offset.
+    """
     ppm = shared_offset_ppm(found)
     if ppm is None:
         return []
@@ -193,7 +199,7 @@ def correction_of(
 
 
 def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
-    """True while no tag that a pulse train was compared with has been corrected."""
+    """True while no tag that a pulse train was compared with has been corrected since."""
     at_hz = beep.frequency_hz if beep.image_of_hz is None else beep.image_of_hz
     away_hz = dict(zip(beep.tag_ids, beep.offsets_hz, strict=True))
     for tag in tags:
@@ -209,7 +215,9 @@ def still_holds(beep: Beep, tags: Iterable[Tag]) -> bool:
 
 
 def _is_searched(tag_id: int, beep: Beep) -> bool:
-    """True if the train's frequency is in the searched band of a tag it may be of."""
+    """True if the pulse train's frequency is within the band that is searched for a tag it may
+    belong to.
+    """
     place = beep.tag_ids.index(tag_id)
     return place == 0 or abs(beep.offsets_hz[place]) <= _SEARCH_HZ
 
@@ -224,7 +232,9 @@ def keeps_interval(tag: Tag, interval_s: float, error_s: float = 0.0) -> bool:
 
 
 def _is_narrow(tag: Tag, interval_s: float) -> bool:
-    """True if a listed interval near `interval_s` is too exact to be improved."""
+    """True if a listed interval is close to `interval_s` and so exact that a correction would
+    not improve it.
+    """
     uncertainty_s = tag.interval_uncertainty_s
     off_s = min(abs(interval_s - listed_s) for listed_s in tag.pulse_intervals_s)
     two_rates = len(tag.pulse_intervals_s) > 1  # their uncertainty is unchanged

@@ -53,7 +53,9 @@ def parse_tags(content: bytes, *, name: str) -> tuple[Tag, ...]:
 
 
 def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]]:
-    """Return the reader of a tag file, by its name or a line of only one format."""
+    """Return the function that reads a tag file, selected by the file's name or by a line that
+    only one format has.
+    """
     if name.endswith((".yaml", ".yml")):
         return parse_code_yaml
     if not name.endswith(".toml") and is_tag_csv(text):
@@ -63,7 +65,9 @@ def _reader(text: str, name: str) -> Callable[[str, list[Fault]], list[TagDraft]
 
 
 def faults_of_tags(tags: Sequence[Tag]) -> list[str]:
-    """Check tags that no file contains by the rules of tag files; return the faults."""
+    """Check tags that were not read from a file by the rules of tag files; return the faults as
+    texts.
+    """
     faults: list[Fault] = []
     tags_from_drafts([_draft(tag, place) for place, tag in enumerate(tags)], faults)
     # Report the same fault of a tag only once.
@@ -123,7 +127,9 @@ def check_tag_file_name(path: str | os.PathLike[str]) -> None:
 
 
 def tags_as_text(tags: Sequence[Tag], suffix: str) -> str:
-    """Format ``tags.toml`` or ``TagInfo.txt``; `ConfigError` for tags without columns."""
+    """Format tags as ``tags.toml`` or ``TagInfo.txt``, depending on `suffix`. Raises
+    `ConfigError` if ``TagInfo.txt`` cannot hold them.
+    """
     if suffix.lower() == ".toml":
         return format_tags_toml(tags)
     remedy = "Write a file whose name ends in .toml"

@@ -69,7 +69,9 @@ def format_tag_info(tags: Sequence[Tag]) -> str:
 
 
 def _cells(content: str) -> list[str]:
-    """Split a line of TagInfo.txt; beside semicolons or tabs, a comma is a decimal point."""
+    """Split a line of TagInfo.txt into its values; if semicolons or tabs separate them, a comma
+    is a decimal point.
+    """
     order = (",", ";", "\t") if content.count(",") >= len(COLUMNS) - 1 else (";", "\t", ",")
     for separator in order if ";" not in content else (";",):
         if separator in content:
@@ -113,7 +115,9 @@ def _draft(cells: list[str], line: int, faults: list[Fault]) -> TagDraft | None:
 
 
 def _tagtrackers(cells: list[str]) -> tuple[str | None, list[str], str | None]:
-    """Split a TagTracker line: name, TagInfo.txt's eight numbers, second interval."""
+    """Split a line of TagTracker's file into the name, the eight numbers of TagInfo.txt and the
+    second interval.
+    """
     name = second = None
     if len(cells) > len(COLUMNS) and not _is_frequency(cells[1]) and _is_frequency(cells[2]):
         name, cells = cells[1], [cells[0], *cells[2:]]

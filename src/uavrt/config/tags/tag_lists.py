@@ -81,7 +81,10 @@ def is_tag_csv(text: str) -> bool:
 
 
 def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a CSV list, one draft per tag, numbered from 1 without ids; add `faults`."""
+    """Read a CSV list of tags and return one draft per tag; errors are appended to `faults`.
+
+    If the list has no column of ids, its beeping tags are numbered from 1.
+    """
     names: list[str] = []
     separator = ","
     drafts: list[TagDraft] = []
@@ -122,7 +125,7 @@ def parse_tag_csv(text: str, faults: list[Fault]) -> list[TagDraft]:
 
 
 def parse_code_yaml(text: str, faults: list[Fault]) -> list[TagDraft]:
-    """Read a YAML list of coded tags, one draft per tag; add errors to `faults`."""
+    """Read a YAML list of coded tags, one draft per tag; append errors to `faults`."""
     drafts: list[TagDraft] = []
     for node in read_yaml(text, faults):
         for tag, name in _tags_of(node, faults):
@@ -210,7 +213,7 @@ def _beeping(
 def _read_numbers(
     draft: TagDraft, table: dict[str, _Cell], faults: list[Fault]
 ) -> Entry | None:
-    """Read a row's name and numbers into `draft`; return its burst interval [s] or None."""
+    """Read a row's name and numbers into `draft`; return its burst interval [s], if any."""
     burst = None
     for key, cell in table.items():
         quantity = _quantity(key)
@@ -266,7 +269,9 @@ def _quantity(key: str) -> Quantity | str | None:
 def _gaps(
     table: dict[str, _Cell], line: int, faults: list[Fault]
 ) -> tuple[list[float] | None, int]:
-    """Return a coded tag's gaps [ms], or None if not all are numbers, and their line."""
+    """Return a coded tag's gaps [ms] and their line number. The gaps are None if any of them is
+    not a number.
+    """
     cells: dict[int, tuple[str, str, int]] = {}
     for key, cell in table.items():
         if (gap := _GAP.fullmatch(key)) is not None:
@@ -287,7 +292,9 @@ def _gaps(
 
 
 def _words_of_unknown(table: dict[str, _Cell]) -> str:
-    """Return the end of an error that lists unknown columns, which may be misspelt."""
+    """Return the end of an error sentence that lists unknown columns, since one of them may be
+    a misspelt required column.
+    """
     others = [key for key in table if not _is_known(key)]
     if not others:
         return ""

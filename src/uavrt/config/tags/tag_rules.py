@@ -26,7 +26,8 @@ MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 20e6, 1e9
 MAX_INTERVAL_MS = 60_000.0
 MIN_PULSE_WIDTH_MS, MAX_PULSE_WIDTH_MS = 1.0, 1_000.0
 SHORTEST_LIKELY_MS = 60.0
-"""Interval [ms] below which one shorter than the pulse is assumed to be in seconds."""
+"""Limit for detecting a wrong unit [ms]: an interval shorter than this and than the pulse is
+assumed to be in seconds."""
 MAX_SLIDE_HZ = 500.0
 """Largest change of a tag's frequency within a pulse [Hz]."""
 MAX_K = 100
@@ -41,7 +42,9 @@ _FREQUENCY_UNITS = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6}
 
 
 def tags_from_drafts(drafts: list[TagDraft], faults: list[Fault]) -> tuple[Tag, ...]:
-    """Convert drafts to tags; add faults to `faults`, and return no tag if there are any."""
+    """Check drafts and convert them to tags; faults are added to `faults`, and if there are
+    any, no tag is returned.
+    """
     first_lines: dict[int, int] = {}
     for draft in drafts:
         _check(draft, faults)
@@ -197,7 +200,9 @@ def _fault_of_pairs(entries: dict[Quantity, Entry]) -> list[tuple[Entry, str]]:
 
 
 def _fault_of_group(entries: dict[Quantity, Entry], shortest: Entry) -> list[tuple[Entry, str]]:
-    """Return the faults of pulse width and K (pulses summed) that prevent a search."""
+    """Check that a tag's pulse width and its number of summed pulses K allow a search; return
+    the faults.
+    """
     uncertainty = entries.get("interval_uncertainty")
     width, k = entries.get("pulse_width"), entries.get("k")
     loose_ms = 0.0 if uncertainty is None else uncertainty.number

@@ -223,7 +223,9 @@ def _is_number(value: object) -> bool:
 
 
 def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> None:
-    """Store a code's gaps [ms] in a draft; report what is no list of numbers, or too long."""
+    """Store a code's gaps [ms] in a draft; report a fault if they are not a list of numbers or
+    are too many.
+    """
     draft.gaps = ()
     if not isinstance(gaps, list) or not gaps or not all(map(_is_number, gaps)):
         text = "a coded tag has gaps_ms, numbers in brackets: gaps_ms = [22.1, 48.8, 36.6]"
@@ -242,7 +244,9 @@ def read_gaps(draft: TagDraft, gaps: object, line: int, faults: list[Fault]) -> 
 def read_burst_interval(
     draft: TagDraft, interval_s: object, line: int, faults: list[Fault]
 ) -> None:
-    """Store a code's burst interval [s]; report a value that looks like milliseconds."""
+    """Store a code's burst interval [s] in a draft; report a value that looks like
+    milliseconds.
+    """
     if not isinstance(interval_s, int | float) or isinstance(interval_s, bool):
         faults.append(Fault(line=line, text="burst_interval_s must be a number"))
         return
@@ -264,7 +268,9 @@ def _entry(key: str, value: float, line: int) -> Entry:
 
 
 def _nearest(key: str, known: Sequence[str], faults: list[Fault]) -> str | None:
-    """Return the key most similar to a misspelt one; None if none, or too many faults."""
+    """Return the valid key most similar to a misspelt one; None if none is similar or if too
+    many faults were reported.
+    """
     if key in known:
         return key
     if len(faults) > MOST_FAULTS:
@@ -290,5 +296,7 @@ def _syntax_fault(error: ValueError) -> Fault:
 
 
 def _quoted(text: str) -> str:
-    """Format a TOML basic string; JSON's escapes are valid in it, except for DEL."""
+    """Format a text as a basic string of TOML; JSON's escapes are valid in it,
+    except for DEL.
+    """
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

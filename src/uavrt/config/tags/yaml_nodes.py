@@ -53,7 +53,9 @@ def read_yaml(text: str, faults: list[Fault]) -> list[Node]:
 
 
 def _documents(yaml: Any, text: str) -> Iterator[Any]:
-    """Yield each YAML document as nodes; reject deep nesting before making them."""
+    """Yield each YAML document as a tree of nodes; documents nested too deeply are rejected
+    before their nodes are created.
+    """
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # it has no types
         depth = nodes = 0

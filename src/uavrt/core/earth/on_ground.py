@@ -41,7 +41,10 @@ def spans_on_ground(armed: Reports, landed: Reports) -> tuple[tuple[int, int], .
 
 
 def ground_state(health: Health) -> tuple[float | None, float | None]:
-    """Armed and landed states (1: yes, 0: no) in a health report; None if not reported."""
+    """Armed and landed states in a health report; None for a state that is not reported.
+
+    The report contains 1 for yes and 0 for no.
+    """
     return health.counters.get(ARMED), health.counters.get(LANDED)
 
 
@@ -52,7 +55,10 @@ class GroundStates:
         self._reports: list[tuple[int, bool | None, bool | None]] = []
 
     def add(self, time_ns: int, armed: float | None, landed: float | None) -> bool:
-        """Add a report of both states (None: not reported); True if one has changed."""
+        """Add a report of both states; return True if one of them has changed.
+
+        A state is None if it is not reported.
+        """
         now = (None if armed is None else bool(armed), None if landed is None else bool(landed))
         last = self._reports[-1][1:] if self._reports else (None, None)
         if now == last:

@@ -62,7 +62,10 @@ class DiskThread:
         threading.Thread(target=self._work, name="disk", daemon=True).start()
 
     def __call__(self, job: Callable[[], T], then: Callable[[T], None]) -> bool:
-        """Run `job` in the thread, `then` in the loop; False if too many jobs wait already."""
+        """Run `job` in the thread, then `then` with its result in the loop.
+
+        Returns False, without running the job, if too many jobs wait.
+        """
         if self._early and self._loop is None:
             return at_once(job, then)
         if len(self._jobs) >= self._most:
@@ -72,7 +75,10 @@ class DiskThread:
         return True
 
     async def run(self, function: Callable[..., T], *given: Any) -> T:
-        """Run a function in the thread and wait; `RecordingError` if too many jobs wait."""
+        """Run a function in the thread and wait for its result.
+
+        Raises `RecordingError` if too many jobs wait.
+        """
         result: asyncio.Future[T] = asyncio.get_running_loop().create_future()
 
         def job() -> Callable[[], None]:

@@ -15,7 +15,8 @@ _POOL_BYTES, _STEP_BYTES, _LARGEST_BYTES = 16_384, 16, 512
 share a pool; larger ones use malloc (``Objects/obmalloc.c`` of CPython 3.11 and later; with
 other values less is filled)."""
 _MOST_BLOCKS = 40_000
-"""Maximum number of objects that fill gaps in memory pools; 4000 are usual."""
+"""Maximum number of objects that fill gaps in memory pools; after the imports of a flight, 4000
+are usual."""
 
 
 def fill_pools() -> list[object]:

@@ -36,7 +36,10 @@ class BandSpectrogram:
         self._work = np.empty(0, np.complex64)
 
     def powers(self, samples: NDArray[np.complex64], out: NDArray[np.float32]) -> None:
-        """Power in each window of `out` (windows, bins), `hop` apart from the first sample."""
+        """Compute the power in as many windows as `out` (windows, bins) has rows.
+
+        The windows begin at the first of the `samples`, `hop` apart.
+        """
         native = kernels() if self._kernel else None
         work = 8 * (self._size + 1) if native else self._size * POINTS.least_frames
         if self._work.size != work:  # kept: new memory would take as long as the transforms

@@ -91,7 +91,11 @@ def _at_one_rate(
 def _without_strays(
     times_s: NDArray[np.float64], members: NDArray[np.intp], interval_s: float
 ) -> NDArray[np.intp]:
-    """Remove a chain's end pulses after a gap with other pulses, sent at another rate."""
+    """Remove end pulses of a chain after a gap that contains other pulses.
+
+    Such end pulses were sent at another rate: if the first pulse after a change of rate is
+    lost, the chain meets a later one by chance.
+    """
     low, high = 0, members.size
 
     def strays(k: int) -> bool:
@@ -131,7 +135,10 @@ def _jitter_s(beat: Beat) -> float:
 
 
 def _merit(beat: Beat) -> float:
-    """Pulses at an interval minus half the missing ones, so that half of it scores less."""
+    """Number of pulses at an interval, minus half the number of missing pulses.
+
+    Without this deduction, half of the true interval would score as much.
+    """
     steps = int(beat.numbers[-1]) + 1
     return beat.numbers.size - 0.5 * max(0, steps - beat.numbers.size)
 

@@ -1,8 +1,9 @@
 """Find strong pulses at any frequency in a band, without a list of tags.
 
-A spectrogram cell is a pulse if it exceeds three levels: that of its frequency at other times
-(excludes carriers), that of other frequencies at its time (impulses, voice), and that 0.6 to
-1.1 kHz away (the wide spectrum of a strong pulse's edges).
+A cell of the spectrogram counts as a pulse (point) if its power exceeds three reference levels.
+The level at this frequency at other times excludes carriers. The level at other frequencies at
+this time excludes impulses and voice. The level 0.6 to 1.1 kHz away excludes the wide spectrum
+at the edges of a strong pulse.
 """
 
 from dataclasses import dataclass
@@ -59,7 +60,10 @@ NO_POINTS: Final = Points(*np.zeros((5, 0)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Levels:
-    """Levels of cells, computed when read: power over the usual power at the frequency."""
+    """Levels of spectrogram cells: power relative to the usual power at their frequency.
+
+    Levels are computed only when they are read.
+    """
 
     power: NDArray[np.float32]
     """(frames, bins) power of the spectrogram, not yet divided by each bin's usual power."""
@@ -79,7 +83,10 @@ class _Levels:
 
 
 class PointSearch:
-    """Finds pulses in a stream; `most_cells`: most spectrogram cells searched at once."""
+    """Finds pulses in a stream of samples.
+
+    `most_cells`: largest number of cells of the spectrogram that are searched at once.
+    """
 
     def __init__(
         self,
@@ -174,8 +181,10 @@ class PointSearch:
     def _candidates(
         self, levels: "_Levels", first: int, until: int
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-        """Frame, bin and relative level of each cell that may be a pulse; the level is the
-        ratio to the adjacent frequencies' median where that exceeds the usual level.
+        """Frame, bin and relative level of each cell that may be a pulse.
+
+        The level is the ratio to the median of the adjacent frequencies at the same time, where
+        that exceeds the usual level.
         """
         bins = levels.power.shape[1]
         segments = max(1, bins // POINTS.segment_bins)

@@ -72,7 +72,10 @@ class _Band:
         return 0 if self._search is None else self._search.dropped
 
     def trains(self, receiver: Receiver, *, ended: bool) -> list[Train]:
-        """Trains of pulses found so far, at absolute frequencies; live, of recent pulses."""
+        """Return the trains of pulses found so far, at absolute frequencies.
+
+        In a live stream only recent pulses are searched.
+        """
         if self._search is None or not self.received:
             return []
         since_s = max(0.0, self.received / self._rate_hz - LISTENING.recent_s)

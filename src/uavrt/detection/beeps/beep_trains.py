@@ -32,7 +32,8 @@ class Train:
     """Frequency of a stronger train with simultaneous pulses, whose image this train is [Hz];
     None if it is not an image."""
     together: int = 1
-    """Number of frequencies with simultaneous pulses of equal strength, with this train's."""
+    """Number of frequencies with simultaneous pulses of equal strength, including that of this
+    train."""
 
     def moved(self, center_hz: float) -> "Train":
         """Copy of the train at absolute frequencies."""
@@ -80,8 +81,10 @@ class Searched:
     [Hz]; None if there are no bursts."""
 
     def holds(self, times_s: NDArray[np.float64]) -> bool:
-        """True if the pulses at this frequency, with times `times_s`, need no new search: most
-        continue known trains, and new ones are not yet several times as many as old ones.
+        """True if the pulses at this frequency, with times `times_s`, need no new search.
+
+        New pulses that continue known trains require a search only if they are several times as
+        many as the old pulses. A few pulses outside the known trains require a search at once.
         """
         new_s = times_s[times_s > self.until_s].tolist()
         ends_s = [
@@ -217,8 +220,10 @@ def _train(group: Sequence[FoundBeat], here: Points) -> tuple[Train, NDArray[np.
 
 
 def _scatter_hz(points: Points) -> float:
-    """Scatter of pulse frequencies about a line through them, without outliers [Hz]; the mean
-    frequency of a pulse's energy does not scatter if it slides.
+    """Scatter of pulse frequencies about a line through them, without outliers [Hz].
+
+    The frequency at which a pulse is found scatters if it changes within the pulse. The mean
+    frequency of its energy does not.
     """
     time_s = points.times_s - points.times_s.mean()
     scatters_hz = []

@@ -86,8 +86,10 @@ def _name(train: Train, tags: Sequence[Tag], window_hz: float, start_ns: int) ->
 
 
 def _finished(one: Beep, listed_ids: set[int], named: Sequence[Beep]) -> Beep:
-    """Complete a result by those of all trains: a tag found at its own frequency is dropped
-    from other trains, and an image gets the tags of its source.
+    """Complete a result by the results for all trains.
+
+    A tag that was also found at its own frequency is dropped from the possible tags of a train.
+    An image gets the tags of its source.
     """
     if one.kind is BeepKind.IMAGE:
         for other in named:
@@ -113,9 +115,11 @@ def _with_mirrored(
 ) -> list[Beep]:
     """Recognise tags at the mirror frequency about the radio's centre (I and Q swapped).
 
-    Mirror frequencies prove nothing if a tag is received at its own frequency, or if many tags
-    are off theirs. If a train may also be a tag off its label or at another rate, a second
-    mirrored train is required.
+    I and Q are not swapped if a tag is received at its own frequency, or if a common error of
+    the receiver explains why several tags are off frequency. If many tags are off their listed
+    frequencies, mirror frequencies prove nothing, because some then fit by chance. If a train
+    may also belong to a tag that is off its label or sends at another rate, a second mirrored
+    train is required.
     """
     there = [
         _mirrored_tags(one, train, tags, window_hz, center_hz)

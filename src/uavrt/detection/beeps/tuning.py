@@ -12,7 +12,7 @@ class PointTuning:
     hop_s: float = 0.008
     """Time from the start of one window of the spectrogram to the next [s]."""
     batch_s: float = 2.0
-    """Duration over which a frequency's median power is its usual noise level [s]."""
+    """Duration over which a frequency's median power is taken as its noise level [s]."""
     most_cells: int = 12_500_000
     """Maximum number of spectrogram cells searched at once: 48 MiB, 2 s at 3 MS/s."""
     false_per_s: float = 3.0
@@ -21,21 +21,23 @@ class PointTuning:
     false_band_hz: float = 100e3
     """Bandwidth above which the accepted number of noise cells grows with the width [Hz]."""
     segment_bins: int = 64
-    """Adjacent frequency bins, 4 kHz; a rise that they have in common is not a pulse."""
+    """Number of adjacent frequency bins, 4 kHz; a rise in power that they have in common is not
+    a pulse."""
     flank_bins: tuple[int, int] = (10, 17)
-    """Distances from a pulse at which the spectrum of any pulse has decayed [bins]."""
+    """Distances in frequency from a pulse at which the spectrum of any pulse has decayed
+    [bins]."""
     middle_bins: int = 5
     """Distance from a pulse's peak up to which its mean frequency is computed [bins]."""
     flank_ratio: float = 10.0
     """Minimum ratio of a pulse's peak power to the mean power at `flank_bins`."""
     around_frames: int = 13
-    """Frames before and after a pulse from which its length is measured: 104 ms."""
+    """Number of frames before and after a pulse for measuring its length: 104 ms."""
     longest_s: float = 0.1
     """Maximum duration of a detected pulse [s]; longer signals are transmissions."""
     least_frames: int = 16
     """Minimum number of spectrogram frames that are transformed together."""
     most_candidates: int = 200_000
-    """Most spectrogram cells that are examined in a batch; the strongest are chosen."""
+    """Maximum number of cells that are examined in a batch; the strongest are chosen."""
     strong_db: float = 32.0
     """Level of a pulse over noise above which its edges may appear as separate pulses [dB]."""
     edge_s: float = 0.03
@@ -54,20 +56,25 @@ class IntervalTuning:
     fewest_at_other_rate: int = 6
     """Minimum number of pulses at a second interval from which a chain is cut there."""
     most_bends: int = 6
-    """Maximum degree of the polynomial of an interval's drift with temperature."""
+    """Maximum degree of the polynomial that models the drift of a tag's interval with
+    temperature."""
     most_false: float = 1e-4
-    """Maximum expected number of equally good chains of noise in the recording."""
+    """Maximum expected number of equally good chains of pulses that noise forms in the
+    recording."""
     tolerance_s: float = 0.022
-    """Maximum deviation of a pulse from its time [s]: 20 ms of jitter, 2 ms of error."""
+    """Maximum deviation of a pulse from its expected time [s]: 20 ms of jitter, 2 ms of
+    error."""
     most_missing: int = 6
     """Maximum number of consecutive missing pulses within a chain of a tag's pulses."""
     # Costs in a chain, relative to the value of a pulse. At `switch_cost` a stretch with every
     # second pulse missing counts as another rate from five or six pulses on at an end of the
     # recording, and from eight or nine in its middle.
     missing_cost: float = 0.3
-    """Received pulses that a missing one cancels in a chain's score, at one rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag has one rate."""
     missing_or_switch_cost: float = 0.5
-    """Received pulses that a missing one cancels in a chain's score, after a change of rate."""
+    """Number of received pulses that one missing pulse cancels in the score of a chain, if the
+    tag may have changed its rate."""
     switch_cost: float = 2.0
     """Number of received pulses that one change of interval cancels in the score of a chain."""
     recent_pulses: int = 40
@@ -83,27 +90,33 @@ class TrainTuning:
     step_hz: float = 25.0
     """Width of the frequency steps in which pulses are counted to find trains [Hz]."""
     fewest_held: int = 30
-    """Minimum number of a live stream's pulses to keep a train that new ones continue."""
+    """Minimum number of pulses from which a train in a live stream is kept while new pulses
+    continue it."""
     renewing_ratio: float = 3.0
     """Ratio of new to old pulses at one frequency from which it is searched again."""
     renewing_share: float = 0.125
-    """Most new pulses outside known trains, as a share of old ones, to keep the trains."""
+    """Maximum number of new pulses outside the known trains, as a share of the old pulses, with
+    which the known trains are kept."""
     most_intervals: int = 8
     """Maximum number of intervals found among the pulses of one frequency."""
     strays: int = 2
-    """Most pulses at one interval while their sender also sends at another."""
+    """Maximum number of pulses at one interval while their sender also sends at another."""
     most_scatter_hz: float = 30.0
-    """Maximum scatter of a train's frequencies about a line [Hz]; chance gives 87 Hz."""
+    """Maximum scatter of a train's frequencies about a line [Hz]; unrelated pulses have
+    87 Hz."""
     least_explained: float = 0.5
-    """Least share of a frequency's pulses in trains; with less, trains are doubtful."""
+    """Minimum share of the pulses at a frequency that belong to trains; with less, the trains
+    are doubtful."""
     same_time_s: float = 0.012
     """Maximum time between simultaneous pulses of two trains [s]."""
     image_share: float = 0.8
     """Minimum share of an image's pulses that coincide with those of a stronger train."""
     image_db: float = 3.0
-    """Minimum level of a signal over its image, at receivers' image frequencies [dB]."""
+    """Minimum level difference between a signal and its image, at frequencies where receivers
+    produce images [dB]."""
     anywhere_db: float = 25.0
-    """Minimum level of a signal over a simultaneous train, its image elsewhere [dB]."""
+    """Minimum level difference between a signal and a simultaneous weaker train that counts as
+    its image, at other frequencies [dB]."""
     one_device_db: float = 10.0
     """Maximum level difference between trains sent by one device, such as a data transmitter
     [dB]."""
@@ -155,7 +168,8 @@ class NamingTuning:
     gap_pulses: int = 10
     """Minimum number of pulses for missing samples to be detected."""
     gap_share: float = 0.7
-    """Minimum share of pulse-to-pulse times below the interval, if samples are missing."""
+    """Minimum share of pulse-to-pulse times that are shorter than the tag's interval, from
+    which samples count as missing."""
     most_missing_share: float = 0.4
     """Maximum share of a pulse interval that may be missing samples."""
     least_gap_spread_s: float = 0.02
@@ -178,7 +192,8 @@ class ListeningTuning:
     wide_hz: float = 800e3
     """Sample rate above which the tags' band is not searched all the time [Hz]."""
     wide_live_s: float = 30.0
-    """Maximum time searched per period in the tags' band above `wide_hz` [s]."""
+    """Maximum time searched per period in the tags' band, if its sample rate is above `wide_hz`
+    [s]."""
     whole_band_s: tuple[float, float, float] = (20.0, 20.0, 300.0)
     """Search of the radio's whole band in a recording: time searched at the start, time
     searched in each period, and length of the period [s]."""
@@ -187,11 +202,12 @@ class ListeningTuning:
     searched in each period, and length of the period [s]. In 40 s with pulses of 15 dB every 2
     s, at least `live_pulses` pulses are found."""
     live_cells: int = 4_000_000
-    """Most spectrogram cells searched at once in flight: 0.7 s at 3 MS/s, in 15 MiB."""
+    """Maximum number of spectrogram cells that are searched at once in flight: 0.7 s at 3 MS/s,
+    in 15 MiB."""
     recent_s: float = 300.0
     """Duration of the newest part of a live stream that is searched for trains [s]."""
     most_points: int = 6000
-    """Most pulses of a live stream that are searched for trains, the strongest."""
+    """Maximum number of a live stream's pulses searched for trains, the strongest ones."""
     report_every_s: float = 5.0
     """Time between two searches for trains of a live stream [s]."""
     live_pulses: int = 8

@@ -149,8 +149,10 @@ def sighting_of(
 
 
 def _offsets(cells: Cells, row: int, columns: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Distance from a pulse's largest column to its true peak [columns], by the amplitudes on
-    both sides: the filter's response falls linearly on either side of the peak.
+    """Distance from the column with a pulse's largest cell to the pulse's true peak [columns].
+
+    The filter's response to a rectangular pulse falls linearly on both sides of the peak, so
+    the amplitudes on both sides give the distance.
     """
     at = columns - cells.recent_from
     reach = max(1, cells.pulse // 3)

@@ -39,7 +39,10 @@ def evidence(
     foreign_per_hour: float,
     bursts: int = 1,
 ) -> Evidence:
-    """Compare the listed code with noise and unlisted codes; `energies` (n, pulses)."""
+    """Compare the listed code with noise and with unlisted codes.
+
+    `energies` (n, pulses): pulse energies of the n possible bursts.
+    """
     x = np.sqrt(np.maximum(energies.astype(np.float64), 0.25))
     noise = math.log(2.0) - math.lgamma(bursts) + (2 * bursts - 1) * np.log(x) - x * x
     hit = min(0.1, LIKELIHOOD.least_hit + 4.0 * foreign_per_hour / 3600.0 * LIKELIHOOD.place_s)

@@ -35,7 +35,8 @@ class Found:
     total: float
     interval: float
     unlisted: float
-    """Log-likelihood ratio of the listed code to an unlisted one of its interval."""
+    """Log-likelihood ratio of the listed code to an unlisted code that has its interval by
+    chance."""
     also_possible: tuple[int, ...] = ()
 
 

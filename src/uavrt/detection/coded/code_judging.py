@@ -179,8 +179,10 @@ def _finely(cells: Cells, book: CodeBook, seeds: NDArray[np.int32]) -> NDArray[n
 def _off_place(
     cells: Cells, rows: NDArray[np.int32], at: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """(n, pulses) True for pulses displaced in their burst, and the pulses' energies: maxima
-    within a pulse width and adjacent frequencies, as only the strongest row is in place.
+    """(n, pulses) True for pulses that are displaced in their burst; and the pulses' energies.
+
+    An energy is the maximum within a pulse width and over adjacent frequencies, because only
+    the strongest row shows the true position.
     """
     around = cells.recent.copy()
     for apart in range(1, cells.rows_of_a_bin + 1):
@@ -321,7 +323,9 @@ class Overlaps:
         )
 
     def too_few_left(self, claim: int) -> bool:
-        """True if overlaps leave a possible burst, by its index, too few pulses."""
+        """True if overlaps leave a possible burst, by its index, too few pulses to report
+        it.
+        """
         alone = self.alone[claim]
         return alone < self._least[claim] and (
             alone < SHAPE.sure_pulses or self.weakest[claim] < SHAPE.sure_energy
@@ -350,8 +354,9 @@ def decide(
 ) -> tuple[list[Burst], int]:
     """Choose the bursts that together explain the pulses best; count bursts lost by overlap.
 
-    The likeliest is accepted first; then each accepted one is removed as a test, to see whether
-    others explain more pulses. Losses count before column `before` only.
+    The likeliest burst is accepted first. Then each accepted burst is removed as a test, to see
+    whether others explain more pulses: a third code may share pulses with two interleaved
+    bursts. Only losses before column `before` are counted.
     """
     without: frozenset[int] = frozenset()
     best, lost = _greedy(claims, accepted_bursts, limits, before, foreign_per_hour, without)

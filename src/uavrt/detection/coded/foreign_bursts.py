@@ -12,7 +12,10 @@ from uavrt.detection.coded.tuning import FOREIGN
 
 
 class Foreign:
-    """Counts bursts that no listed code explains; `span`: columns of the longest listed."""
+    """Counts bursts that no listed code explains.
+
+    `span`: length of the longest burst of a listed code [columns].
+    """
 
     def __init__(self, cells: Cells, span: int, guard: int) -> None:
         self._cells, self._span, self._guard = cells, span, guard

@@ -1,7 +1,8 @@
 """Identify the sender of a burst from the bursts before and after it.
 
-Tags with an identical code differ only in their burst intervals. A burst that may be of an
-unlisted code is the listed tag's if others lie whole intervals away.
+A code and a burst interval define a tag. Tags with an identical code differ only in their
+intervals. A burst that may come from an unlisted code is assigned to the listed tag if other
+bursts lie whole burst intervals away and the joint evidence suffices.
 """
 
 import math

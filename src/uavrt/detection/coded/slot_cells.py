@@ -1,5 +1,7 @@
-"""Compute the pulse energy at every instant and frequency of a channel, relative to the noise;
-all codes use it. Past cells are stored in one byte each.
+"""Compute the pulse energy at every instant and frequency of a channel, relative to the noise.
+
+The matched filter of a rectangular pulse is a sum over its samples, computed at several
+frequencies. All codes use its output. Past cells are stored in one byte each.
 """
 
 import math
@@ -59,7 +61,8 @@ class Cells:
         """Number of the spectrogram column after the newest one."""
         self.kept = np.full((rows, self._kept + self._kept // 4 + 4096), NEUTRAL, np.uint8)
         self.past = np.zeros((self.kept.shape[1] * self.hop, 2), np.int8)
-        """Stored samples from column `base` on, real and imaginary; noise amplitude `UNIT`."""
+        """Stored samples from column `base` on, real and imaginary; the noise has amplitude
+        `UNIT`."""
         self.recent = np.zeros((rows, 0), np.float32)
         """(rows, columns) newest spectrogram cells, up to column `end` [noise energies]."""
         self._medians: list[NDArray[np.float64]] = []

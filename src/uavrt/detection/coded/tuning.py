@@ -12,13 +12,15 @@ class CellTuning:
     """Constants for computing and storing the energies of a channel."""
 
     row_spacing: float = 0.3125
-    """Spacing of searched frequencies [1 / pulse width]: 125 Hz; half-way 0.3 dB are lost."""
+    """Spacing of the searched frequencies [1 / pulse width]: 125 Hz. A pulse half-way between
+    two loses 0.3 dB."""
     columns_per_pulse: float = 9.0
     """Number of columns of cells (time steps) per pulse width."""
     noise_pieces: int = 25
     """Number of stretches of samples, 10 s in all; their median powers give the noise level."""
     least_rise: float = 0.85
-    """Minimum noise, as a share of the newest estimate: a rise of noise is no burst."""
+    """Minimum noise level, as a share of the newest estimate, so that a rise of the noise is
+    not taken for a burst."""
     kept_s: float = 130.0
     """Duration for which spectrogram cells are stored, to sum several bursts [s]."""
     step_s: float = 0.4
@@ -34,7 +36,9 @@ class CellTuning:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SumTuning:
-    """Constants for summing cells at the gaps of the codes, and over several bursts."""
+    """Constants for sums of spectrogram cells: over the pulses of one coded burst, and over
+    several bursts of a code.
+    """
 
     stretches: tuple[float, ...] = (0.0, -0.5, 0.5, -1.0, 1.0)
     """Stretches of a burst's gaps that are tried, as shares of their common tolerance."""
@@ -53,7 +57,8 @@ class SumTuning:
     examined_share: float = 0.88
     """Ratio of a sum of bursts to the required sum above which the sum is refined."""
     clear_lead: float = 20.0
-    """Lead of one of two codes with common pulses that excludes the other [noise energies]."""
+    """Difference between the sums of two codes with common pulses above which the smaller is
+    excluded [noise energies]."""
     box_columns: int = 2048
     """Length of the time ranges in which waiting possible bursts are grouped [columns]."""
     same_columns: int = 10
@@ -77,7 +82,8 @@ class RefineTuning:
     hidden_energy: float = 0.25 * math.pi
     """Energy assumed for a hidden pulse [noise energies]: (mean amplitude)² of noise."""
     margin_columns: int = 6
-    """Columns on each side of a pulse whose samples are read to refine the pulse."""
+    """Number of columns on each side of a pulse for which samples are read to refine the
+    pulse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,9 +96,11 @@ class LimitTuning:
     share_of_one: float = 0.4
     share_of_three: float = 0.2
     per_cell: float = 60.0
-    """Independent sums for each time-frequency area of one pulse width times its inverse."""
+    """Number of independent sums for each time-frequency area of one pulse width times its
+    inverse."""
     per_interval: float = 1.0
-    """Independent burst intervals for each pulse width of the last burst's uncertainty."""
+    """Number of independent burst intervals tried for each pulse width by which the time of the
+    last burst is uncertain."""
     per_refinement: float = 14.0
     """Number of independent sums tried while one sum of bursts is refined."""
     expected_false: float = 1e-6
@@ -108,11 +116,14 @@ class LikelihoodTuning:
     """Assumptions for the evidence that pulses are those of a listed code."""
 
     fading: float = 0.12
-    """Relative standard deviation of a burst's amplitudes without noise; an assumption."""
+    """Relative standard deviation of the pulse amplitudes in a burst without noise; an
+    assumption."""
     coincidence: float = 0.05
-    """Assumed chance of another code's pulse at an expected one: 3 ms of a 57 ms gap."""
+    """Assumed probability that a pulse of another code lies where a pulse is expected: 3 ms of
+    a gap of 57 ms."""
     least_hit: float = 1e-3
-    """Minimum probability of any sender's pulse where the code's pulse is expected."""
+    """Minimum probability that a pulse of any sender lies where the code's pulse is
+    expected."""
     hiding_amplitude: float = 0.5
     """Minimum amplitude of a signal that hides a pulse, relative to the pulse."""
     place_s: float = 1e-3
@@ -134,11 +145,13 @@ class ShapeTuning:
     pool_columns: int = 1
     """Distance from a pulse's expected column within which its peak counts [columns]."""
     leak_amplitude: float = 0.35
-    """Amplitude, relative to the strongest signal at the time, up to which one is leakage."""
+    """Amplitude, relative to the strongest simultaneous signal, up to which a signal may be
+    leakage of it."""
     loud_energy: float = 20.0
     """Minimum energy of a signal for its leakage to be considered [noise energies]."""
     rounded: float = 1.0 - 1e-6
-    """Share of the required sum for a possible burst; below 1 for rounding errors."""
+    """Share of the required sum below which a possible burst is dropped; it is slightly below 1
+    to allow for rounding errors."""
     least_amplitude: float = 0.33
     """Minimum amplitude of a pulse relative to another of the same burst."""
     hit_amplitude: float = 0.5
@@ -162,7 +175,7 @@ class ShapeTuning:
     clear_log: float = 10.0
     """Minimum log-likelihood lead of a code over all codes with the same pulses."""
     most_swaps: int = 3
-    """Most rounds of replacing accepted bursts by others that explain more pulses."""
+    """Maximum rounds of replacing accepted bursts by others that explain more pulses."""
     sure_pulses: int = 2
     """Minimum number of undisturbed pulses in a burst reported without identification."""
     sure_energy: float = 12.0
@@ -180,21 +193,26 @@ class IdentityTuning:
     steps: int = 8
     """Number of burst intervals, before and after, over which bursts are compared."""
     missed_log: float = 1.0
-    """Log-likelihood lost by a missing burst at the interval; most are detected."""
+    """Log-likelihood that a tag loses where a burst is missing at its interval; most bursts are
+    detected."""
     clear_log: float = 3.0
-    """Minimum lead in log-likelihood of one tag's burst interval over other tags'."""
+    """Minimum lead in log-likelihood of one tag's burst interval over the intervals of other
+    tags."""
     timing_s: float = 1e-3
     """Error of the measured start of a burst [s]."""
     wait_intervals: float = 2.2
-    """Time for which an ambiguous burst waits for later bursts [burst intervals]."""
+    """Time for which an ambiguous burst waits for later bursts to identify it [burst
+    intervals]."""
     doubt_log: float = math.log(100.0)
-    """Largest lack of log-likelihood at which a burst is reported as unconfirmed."""
+    """Maximum amount by which the log-likelihood ratio may be too small for a burst to be
+    reported as unconfirmed."""
     rows: int = 1
     """Maximum frequency difference between bursts of one tag [frequency rows]."""
     most_missed: int = 8
     """Maximum number of bursts missed before a tag must be identified again."""
     own_error: float = 5e-6
-    """Relative error of a measured burst interval, by the crystal's temperature."""
+    """Relative error of a tag's measured burst interval, because its crystal drifts with
+    temperature."""
     same_burst_s: float = 0.02
     """Maximum difference between the start times in two reports of one burst [s]."""
 
@@ -208,13 +226,15 @@ class ForeignTuning:
     memory_s: float = 300.0
     """Time over which the rate of unknown senders' bursts is averaged [s]."""
     start_s: float = 10.0
-    """Time added to that since the start [s], so one early burst makes no high rate."""
+    """Time that is added to the time since the start [s], so that one early burst does not
+    cause a high rate."""
     weakest_energy: float = 10.0
     """Minimum energy of each of three pulses of an unknown sender's burst [noise energies]."""
     sure_energy: float = 14.0
     """Minimum energy of a single pulse of an unknown sender [noise energies]."""
     beside_share: float = 0.25
-    """Minimum energy of an extra pulse that contradicts a burst, relative to its mean."""
+    """Minimum energy of an extra pulse that contradicts a burst, relative to the burst's mean
+    pulse energy."""
     rows: int = 2
     """Maximum frequency difference between pulses of one unknown sender [frequency rows]."""
 

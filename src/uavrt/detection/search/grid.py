@@ -303,7 +303,10 @@ def make_grid(
 
 
 def slide_turns(length: int, rate_hz: float, slide_hz: float) -> NDArray[np.complex128]:
-    """Factors (length,) that undo an even slide of `slide_hz` about a pulse's middle."""
+    """Factors (length,) that make the frequency of a sliding pulse constant, at its middle's.
+
+    The frequency changes evenly by `slide_hz` during the pulse, of `length` samples.
+    """
     away = (np.arange(length) - (length - 1) / 2.0) / length
     return np.asarray(np.exp(-1j * np.pi * slide_hz * (length / rate_hz) * away**2))
 
@@ -330,8 +333,10 @@ def half_transforms(
 def _band_filter(
     *, sample_rate_hz: float, decimation: int, offset_hz: float, pass_hz: float
 ) -> NDArray[np.complex128]:
-    """Taps (an odd number) of a Kaiser band-pass around the tag; aliases are outside ±
-    `pass_hz`. The decimation folds the samples and the rows of the transform alike.
+    """Taps (an odd number) of a band-pass around the tag; aliases are outside ± `pass_hz`.
+
+    Kaiser window by Kaiser's formulas. The samples stay at their frequency, folded by the
+    decimation; the rows of the transform are folded alike.
     """
     stop_hz = sample_rate_hz / decimation - pass_hz
     width = max(stop_hz - pass_hz, 0.02 * sample_rate_hz / decimation) / sample_rate_hz
@@ -348,13 +353,18 @@ def _band_filter(
 def _windows(
     samples: NDArray[np.complex64], first: int, shape: tuple[int, int], step: int
 ) -> NDArray[np.complex64]:
-    """View of overlapping windows of contiguous samples; quicker than as_strided, checked."""
+    """View of overlapping windows of contiguous samples, without a copy.
+
+    Much faster than `numpy.lib.stride_tricks.as_strided`, and checks that they fit the buffer.
+    """
     size = samples.itemsize
     return np.ndarray(shape, np.complex64, samples, first * size, (step * size, size))
 
 
 def sliding_maximum(power: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
-    """Maximum over `reach` columns on each side, without `reach` columns at the ends."""
+    """Maximum over `reach` columns on each side; the result lacks `reach` columns
+    at each end.
+    """
     columns, rows = power.shape
     side_by_side = power.T.flags.c_contiguous
     # As one long row: values that cross into the next row are cut off with the margins.

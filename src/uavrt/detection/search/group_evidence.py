@@ -140,8 +140,9 @@ def _kernel(side: int, sigma: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=8)
 def _lattices(k: int, side: int) -> NDArray[np.intp]:
-    """Start of each pulse in each lattice around the candidate [steps], (K, lattices): shifted
-    as a whole, and with its two ends against each other.
+    """Start of each pulse in each lattice tried around the candidate [steps], (K, lattices).
+
+    Each lattice is shifted as a whole, and its two ends are shifted against each other.
     """
     middle, turn = np.meshgrid(np.arange(-side, side + 1), np.arange(-side, side + 1))
     inside = np.abs(middle) + np.abs(turn) <= side

@@ -29,7 +29,8 @@ class Candidate(NamedTuple):
     score: float
     """Ratio of the candidate's sum of powers to the detection threshold."""
     strength: float
-    """Sum of powers without limits on cells [noise powers]; decides equal scores."""
+    """Sum of powers without the limit on each cell [noise powers]; decides between equal
+    scores."""
     rate: int
     row: int
     columns: tuple[float, ...]
@@ -140,8 +141,11 @@ class RateSearch(ABC):
 
 
 def jitter_reach(jitter_s: float, hop_s: float) -> int:
-    """Number of columns searched on either side of a pulse: 0.7 times the maximum jitter, as
-    fewer columns gain more sensitivity than rare outer pulses lose.
+    """Number of columns searched on either side of a pulse: 0.7 times the maximum jitter.
+
+    Two pulses that both deviate by the maximum are rare, and the flank of a pulse just outside
+    the searched columns is still detected. So the smaller search gains more sensitivity than it
+    loses.
     """
     return max(1, math.ceil(0.7 * jitter_s / hop_s - 0.25))
 

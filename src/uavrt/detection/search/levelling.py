@@ -23,7 +23,8 @@ from uavrt.detection.search.tuning import LEVEL
 SLOT = HOPS_PER_PULSE // 2
 """Number of spectrogram columns in a slot; a slot is the time step of the noise level."""
 _MEAN = 1.0 - math.exp(-LEVEL.most_power)
-"""Mean of noise cells limited to `LEVEL.most_power`; without the limit 1."""
+"""Mean power of noise cells after each is limited to `LEVEL.most_power`; without the limit it
+is 1."""
 
 
 @dataclass(slots=True)
@@ -33,7 +34,8 @@ class _Stretch:
     first: int
     common: NDArray[np.float32]
     bands: NDArray[np.float32] | None
-    """(bands, slots) ratio of each band's noise to the common level; None if equal."""
+    """(bands, slots) ratio of each band's noise level to the common level; None if all are
+    equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +45,8 @@ class _Followed:
     divisor: NDArray[np.float32]
     """(new slots,) common noise level that divides cells, raised by its possible error."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise to `divisor`; None if equal."""
+    """(bands, new slots) ratio of each band's noise level to `divisor`; None if all are
+    equal."""
     measured: NDArray[np.float32]
     """(slots,) noise level common to all bands, used to measure the power of pulses."""
     measured_bands: NDArray[np.float32] | None
@@ -57,7 +60,8 @@ class _Levels:
     margin: NDArray[np.float32]
     """(slots,) factor on `common` in the search, to allow for the error of the noise level."""
     bands: NDArray[np.float32] | None
-    """(bands, new slots) ratio of each band's noise to `common`; None if equal."""
+    """(bands, new slots) ratio of each band's noise level to `common`; None if all are
+    equal."""
 
 
 class _LevelRecord:
@@ -405,7 +409,11 @@ def _agreed(
     scale: float,
     total: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last slot averaged for each: both sides if they agree, else the higher."""
+    """First and last slot averaged for each slot.
+
+    If the levels before and after the slot agree, both sides are averaged; otherwise the side
+    of the higher level.
+    """
     at = np.arange(len(back))
     seen, coming = total[at + 1] - total[begin], total[end] - total[at]
     error = np.sqrt(1.0 / np.maximum(seen, 1e-9) + 1.0 / np.maximum(coming, 1e-9))
@@ -418,9 +426,10 @@ def _agreed(
 def _segments(
     ratio: NDArray[np.float64], n: NDArray[np.float64], *, circular: bool
 ) -> NDArray[np.float32]:
-    """Split the bands where their noise levels differ, the likeliest split first; widen the
-    higher side by one band. Two means of exponentials raise the log-likelihood by the sum of
-    cells × ln(mean).
+    """Split the bands where their noise levels differ; widen the higher side by one band.
+
+    The likeliest split comes first: fitting two means of exponentials instead of one raises the
+    log-likelihood by the sum of cells × ln(mean).
     """
     count, slots = ratio.shape
     sums = np.concatenate((np.zeros((1, slots)), np.cumsum(np.maximum(ratio, 1e-9), axis=0)))

@@ -1,7 +1,6 @@
-"""Search for groups of nine pulses or more: try every cell as the last pulse.
-
-For such K, one cell in ten exceeds T/K (threshold over number of pulses), so anchors would save
-nothing. The maximum over the jitter is computed once for all cells.
+"""Search for groups of nine pulses or more: try every cell as the last pulse. For such K, one
+cell in ten exceeds T/K (threshold over number of pulses), so a search from strong cells would
+save nothing. The maximum over the jitter is computed once for all cells.
 """
 
 import math

@@ -1,7 +1,8 @@
 """Estimate the noise power of each row from the statistic that is searched.
 
-Interpolated noise, as in the original detector, would not see a carrier on a whole bin, which
-then gives a false alarm in each segment.
+The original detector estimates noise in whole bins and interpolates to the half bins. A carrier
+on a whole bin then raises the power in the half bins but not their threshold, which gives a
+false alarm in each segment. Here the noise of each row is estimated separately.
 """
 
 import math
@@ -17,9 +18,11 @@ from uavrt.dsp.sliding_medians import medians
 _KEPT = 1.0 - math.exp(-NOISE.excluded_ratio)
 """Share of noise cells below `NOISE.excluded_ratio` times the mean noise power."""
 _KAPPA = 1.0 - NOISE.excluded_ratio * math.exp(-NOISE.excluded_ratio) / _KEPT
-"""Mean power of noise cells below `NOISE.excluded_ratio`, relative to all: 0.925."""
+"""Mean power of the noise cells below `NOISE.excluded_ratio`, as a share of the noise power:
+0.925."""
 _RISEN = math.exp(-NOISE.excluded_ratio / NOISE.rise_ratio)
-"""Share of noise cells above `NOISE.excluded_ratio` after a rise by `NOISE.rise_ratio`."""
+"""Share of noise cells above `NOISE.excluded_ratio` after the noise has risen by
+`NOISE.rise_ratio`."""
 
 
 def _truncated(

@@ -86,8 +86,10 @@ class NullLattices:
 
 
 def counted_cell_limit(k: int, threshold: float) -> float:
-    """Limit on a cell's power in the groups counted at null intervals [noise powers]; lower
-    than in the search, so that no pulse of a weak tag raises its own threshold.
+    """Limit on a cell's power in the groups counted at null intervals [noise powers].
+
+    It is lower than the limit in the search. Otherwise a single pulse of a weak tag would form
+    such groups together with noise, and raise the threshold for its own tag.
     """
     share = NULL.cell_share + (1.0 - NULL.cell_share) / k
     return min(GROUPS.cell_limit, share * threshold)

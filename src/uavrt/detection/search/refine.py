@@ -376,8 +376,10 @@ class Refiner:
         )
 
     def strongest(self, pulse: Measured) -> tuple[float, float]:
-        """Frequency and power of the strongest row in the whole channel around a pulse's time;
-        windows half a pulse earlier and later have the most leakage.
+        """Frequency and power of the strongest row in the whole channel at a pulse's time.
+
+        Windows half a pulse earlier and later are included, because a window that cuts a strong
+        pulse receives as much leakage as one with the whole pulse.
         """
         window, buffer = self._window, self._buffer
         half = window // 2
@@ -427,7 +429,10 @@ def _part_sums(
 
 
 def slide_energies(window: NDArray[np.complex64], rate_hz: float) -> NDArray[np.float64]:
-    """Largest energy in a window for each slide; a sliding pulse has little in each row."""
+    """Largest energy in a window of signals whose frequency slides evenly, for each slide.
+
+    Each row has little of the energy of a sliding pulse, as of a burst of noise.
+    """
     length = len(window)
     turns = _slides(length, rate_hz)
     spectrum = np.fft.fft(window * turns, 2 * length)

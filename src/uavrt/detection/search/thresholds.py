@@ -43,8 +43,11 @@ def decision_span_s(tag: Tag, rate: int = 1) -> float:
 
 
 def begun_within_s(tag: Tag, rate: int = 1) -> float:
-    """Duration in which a group of the first decision can begin [s], by the original detector's
-    rounding to columns, and with a minimum, as K of 60 or more would have none.
+    """Duration in which a group of the first decision can begin [s].
+
+    The original detector's steps are whole columns. If the tag's uncertainties are small, this
+    rounding shortens the duration by up to a millisecond per pulse. Without the minimum used
+    here, no time would be left for K of 60 or more.
     """
     interval_s = tag.pulse_intervals_s[rate - 1]
     begun_s = decision_span_s(tag, rate) - (tag.k - 1) * interval_s
@@ -52,8 +55,10 @@ def begun_within_s(tag: Tag, rate: int = 1) -> float:
 
 
 def _tail(k: int, spread: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sums x of one exponential variable and k - 1 maxima of `spread` ones, each limited to
-    `limit`; and the probability that noise reaches each sum.
+    """Sums x, and the probability that noise reaches each, for one hypothesis of K pulses.
+
+    The sum has one exponential variable and k - 1 maxima of `spread` exponential variables
+    each; every term is limited to `limit`.
     """
     top = limit if math.isfinite(limit) else 60.0
     x = np.arange(0.0, top + THRESHOLDS.tail_step, THRESHOLDS.tail_step)
@@ -116,8 +121,10 @@ def effective_hypotheses(
 
 
 def finer_times(tag: Tag, most: float = THRESHOLDS.most_finer) -> float:
-    """Number of independent times in a pulse width, relative to a tag of constant frequency:
-    more for a slide, which only fits at its own time. `most`: the grid's limit.
+    """Number of independent times in a pulse width, relative to a tag of constant frequency.
+
+    A sliding pulse matches only windows at its own time, so noise in the windows before and
+    after is more independent. `most`: limit, which for the grid follows from its columns.
     """
     bins = abs(tag.frequency_slide_hz) * tag.pulse_width_s
     return min(1.0 + THRESHOLDS.finer_per_bin * bins, most)

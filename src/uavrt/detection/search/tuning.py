@@ -26,21 +26,25 @@ class NoiseTuning:
     """Constants for estimating the noise of each row of the grid."""
 
     excluded_ratio: float = 4.0
-    """Power above which a cell is not noise [noise powers]; 1.8 % of noise exceed it."""
+    """Power above which a cell does not count as noise [noise powers]; 1.8 % of noise cells
+    exceed it."""
     step_gain: float = 1.31
-    """Factor on steps of the iteration of noise power: 1 / (1 - slope of the iteration)."""
+    """Factor that speeds up the iteration of the noise power: 1 / (1 - slope of the
+    iteration)."""
     long_s: float = 20.0
     """Time constant of the slow estimate of the noise power [s]."""
     short_s: float = 1.0
     """Time constant of the fast noise average, which shows a rise of the noise [s]."""
     rise_ratio: float = 2.2
-    """Ratio of fast to slow noise average that selects the fast one; pulses cause 1.3."""
+    """Ratio of fast to slow noise average above which the fast one is used; pulses cause a
+    ratio of 1.3."""
     settle_s: float = 2.0
     """Time between two comparisons of a row's noise power with its neighbours' [s]."""
     young_s: float = 8.0
     """Duration at the start in which the noise is averaged over `young_reach` rows [s]."""
     young_reach: int = 24
-    """Rows averaged on each side at first; an error of 5 % doubles the false alarms."""
+    """Number of rows averaged on each side at first; an error of 5 % doubles the false
+    alarms."""
     reach: int = 8
     """Number of rows on each side from which a row's broadband noise is estimated: two bins."""
     flat_ratio: float = 1.2
@@ -61,7 +65,8 @@ class NoiseTuning:
     used, as between lines of hum. It raises the noise by 3 to 5 %. With the median there were
     3.4 times the nominal false groups."""
     usual_threshold: float = 25.0
-    """Typical threshold of a group's sum, for the effect of uncertain noise [noise powers]."""
+    """Typical threshold of a group's sum, used to compute the effect of uncertain noise [noise
+    powers]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +78,8 @@ class NoiseLevelTuning:
     past_slots: int = 80
     """Number of past slots of half a pulse, from which noise levels are estimated."""
     stretches: tuple[int, ...] = (6, 10, 16, 26, 42, 80)
-    """Numbers of slots (half pulses) in an average of noise; the smallest locates steps."""
+    """Numbers of slots (half pulses) over which noise is averaged; the smallest one locates
+    steps."""
     most_splits: int = 4
     """Maximum number of divisions of the bands into groups of different noise levels."""
     split_log: float = 6.5
@@ -89,7 +95,8 @@ class NoiseLevelTuning:
     piece_slots: int = 11
     """Number of slots (half pulses) in a piece compared with the mean noise level."""
     pulse_ratio: float = 1.7
-    """Minimum ratio of a strong pulse's slot (half a pulse) to the slots on both sides."""
+    """Minimum ratio of the power of a half-pulse slot to that of the slots on both sides, for a
+    strong pulse."""
     pulse_sigmas: float = 2.6
     """Excess of three half-pulse slots that marks a weak pulse [standard deviations]."""
     beside_slots: tuple[int, int] = (4, 8)
@@ -97,7 +104,8 @@ class NoiseLevelTuning:
     median_slots: int = 11
     """Number of slots (half pulses) in the running median that limits a band's cells."""
     newest_slots: int = 10
-    """Newest slots (half pulses) whose noise is at least the lower bound of recent means."""
+    """Number of newest half-pulse slots in which the noise level is at least the lower bound of
+    recent means."""
     most_margin: float = 0.3
     """Maximum fraction added to an uncertain noise level for the search."""
     same_share: float = 0.12
@@ -105,7 +113,7 @@ class NoiseLevelTuning:
     most_averaged: int = 40
     """Maximum number of updates over which an unchanged noise level is averaged."""
     learnt_slots: int = 40
-    """Slots (half pulses) of noise level 1 that are assumed before the first slot."""
+    """Number of slots (half pulses) of noise level 1 assumed before the first slot."""
     steady_ratio: float = 0.5
     """Ratio of the lowest to the highest noise level from which cells need no new limits."""
     least_level: float = 1e-9
@@ -121,7 +129,8 @@ class GroupTuning:
     at K = 3. So no single impulse makes a group. The limit costs no sensitivity, since it
     lowers sums of noise as much (measured: docs/explanation/detection.md)."""
     piece_s: float = 0.46
-    """Longest piece of columns searched at once [s]; a detector passes 0.44 s."""
+    """Longest piece of spectrogram columns searched at once [s]; a detector passes pieces of
+    0.44 s."""
     measured_columns: int = 4
     """Number of columns, half a pulse width, that must follow the last pulse of a group. The
     flank of a strong pulse reaches the cell limit before the pulse's maximum."""
@@ -136,7 +145,8 @@ class GroupTuning:
     The flanks of a neighbour 10 dB above the tag fill eight of these places; 36 pulses were
     once missed next to it."""
     long_from_k: int = 9
-    """Smallest K (pulses in a group) for which every cell is tried as the last pulse."""
+    """Smallest K (number of pulses in a group) for which every cell is tried as the last pulse,
+    and not only strong cells."""
     long_candidates_at_once: int = 8
     """Maximum number of candidates for long groups measured at once; each takes up to 10 ms."""
     same_bins: float = 1.5
@@ -154,7 +164,8 @@ class ThresholdTuning:
     tail_step: float = 0.01
     """Resolution of the calculated distribution of a group's sum of powers [noise powers]."""
     original_rate_hz: float = 3750.0
-    """Original detector's sample rate [Hz]; its decisions define false-alarm rates."""
+    """Sample rate of the original detector [Hz]; false-alarm rates are defined by the
+    original's decisions."""
     finer_per_bin: float = 0.2
     """Increase of the number of independent times by each bin over which a pulse's frequency
     slides; computed for 0 to 16 bins by filtering white noise (Rice's rate of upcrossings)."""
@@ -164,11 +175,13 @@ class ThresholdTuning:
     nine_of_ten: float = 1.2816
     """Quantile of the normal distribution for a probability of 0.9 [standard deviations]."""
     least_begun: float = 0.25
-    """Minimum time in which a group may begin [decision intervals]; up to K = 40 longer."""
+    """Minimum time in which a group may begin [decision intervals]; for K up to 40 it is
+    longer."""
     first_share: float = 0.8
     """Calibrated share of groups completely within the first decision's samples."""
     noise_error: float = 0.033
-    """Relative error of noise after 2.5 s, with which thresholds were calibrated."""
+    """Relative error of the noise estimate after 2.5 s, with which the threshold tables were
+    calibrated."""
     ks: tuple[float, ...] = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0)
     """Numbers of pulses K for which `hypotheses` and `interval_powers` are given."""
     hypotheses: tuple[float, ...] = (19.5, 36.0, 40.0, 46.0, 94.0, 94.0, 56.0, 139.0)
@@ -204,9 +217,11 @@ class NullTuning:
     eager_gain: float = 0.7
     """Rise of the threshold by the first group counted in new coloured noise [noise powers]."""
     eager_groups: float = 3.0
-    """Further groups in coloured noise after which each raises the threshold by half."""
+    """Number of further groups counted in coloured noise after which each raises the threshold
+    by half as much."""
     by_chance: float = 0.4
-    """Threshold's rise by chance groups in white noise [noise powers]; subtracted."""
+    """Rise of the threshold that counts in white noise make by chance [noise powers]; it is
+    subtracted."""
     most_share: float = 0.85
     """Maximum of the raised threshold, as a share of the largest possible sum of K cells. It is
     limited because strong pulses of other transmitters are counted as well, and they must not
@@ -228,11 +243,13 @@ class EvidenceTuning:
     """Constants for testing candidates near the threshold by their likelihood."""
 
     power_limit: float = 16.0
-    """Limit on a cell's power in a group's likelihood [noise powers], against impulses."""
+    """Limit on the power of a cell in a group's likelihood [noise powers]; it bounds the effect
+    of impulses."""
     table_step: float = 0.02
     """Step in power of the table of likelihood ratios of pulse to noise [noise powers]."""
     steps_per_pulse: int = 25
-    """Start times tried per pulse width; between two, the power falls by a twelfth."""
+    """Number of start times tried per pulse width; between two of them, a pulse's power falls
+    by a twelfth."""
     row_bins: float = 0.125
     """Step of the frequencies tried around the candidate's, for its likelihood [bins]."""
     frequencies: int = 5
@@ -240,7 +257,8 @@ class EvidenceTuning:
     jitter_share: float = 0.4
     """Standard deviation of a pulse's jitter, as a share of the tag's declared jitter."""
     gate: float = 0.9
-    """Minimum score of a candidate tested by likelihood, as a share of the threshold."""
+    """Minimum score of a candidate for its likelihood to be tested, as a share of the
+    threshold."""
     sure_score: float = 1.2
     """Score above which a candidate is accepted without a test of its likelihood: that of two
     cells at the limit and one above the noise."""
@@ -279,7 +297,8 @@ class MeasureTuning:
     break_places: tuple[float, ...] = (0.25, 0.5, 0.75)
     """Positions in a pulse at which its phase may break, as shares of its width."""
     break_gain: float = 3.5
-    """Power that noise gains by the best place of a phase break [noise powers]; subtracted."""
+    """Power that noise gains because the best position of a phase break is chosen [noise
+    powers]; it is subtracted."""
     losing_s: float = 0.3
     """Time from lost samples within which a pulse may have a break of phase [s]."""
 

@@ -111,7 +111,10 @@ class LineCanceller:
     def _steady(
         self, samples: NDArray[np.complex64], frequencies: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """True for carriers' frequencies: median power of 20 ms pieces near the mean."""
+        """True for frequencies with steady power, as carriers have and pulses do not.
+
+        There the median power of pieces of 20 ms is near their mean.
+        """
         length = round(0.02 * self._rate)
         pieces = samples[: len(samples) // length * length].reshape(-1, length)
         turns = np.exp((-2j * np.pi / self._rate) * np.outer(np.arange(length), frequencies))

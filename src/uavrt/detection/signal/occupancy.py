@@ -1,7 +1,8 @@
 """Measure the share of time in which a tag's frequency is free of other signals.
 
-An instant is occupied if it exceeds the quiet instants of this frequency, or, for a steady
-transmitter, the channel's quietest frequencies.
+An instant is occupied if its power exceeds that of the quiet instants at this frequency. A
+steady transmitter leaves no quiet instant, so every instant is also compared with the quietest
+frequencies of the channel.
 """
 
 import math

@@ -200,7 +200,11 @@ class SampleBuffer:
         return any(low < last and first < high for low, high in self.lost)
 
     def weights(self, first: NDArray[Any], window: int) -> NDArray[np.float64] | None:
-        """Inverse share of received samples, 0 below the least share; None: none lost."""
+        """Factors on the power of windows that compensate for lost samples; None: none lost.
+
+        A factor is the inverse of the share of received samples; 0 below
+        `CHANNEL.least_received`.
+        """
         if not self.lost or not first.size or not self.loses(first.min(), first.max() + window):
             return None
         share = np.ones(first.shape)
@@ -253,9 +257,10 @@ def blank_impulses(
 ) -> list[tuple[int, int]]:
     """Set bursts that are too short for a pulse to zero, in place.
 
-    A burst has a power, averaged over `short` samples, of 12 times the noise floor and 4 times
-    the power at a distance of `flank` before *and* after it; inside a pulse one of these is as
-    strong. Without this, impulses of 1 ms made a false group in every segment.
+    A burst is a stretch with a power, averaged over `short` samples, of 12 times the noise
+    floor and 4 times the power at a distance of `flank` both before *and* after it. Inside a
+    pulse, however strong, at least one of these is as strong as the middle. Bursts of up to two
+    flanks are blanked. Without this, impulses of 1 ms made a false group in every segment.
     """
     if not len(samples):
         return []

@@ -140,7 +140,10 @@ class Cleaner:
         self._lines.subtract(before, new)
 
     def _blank(self, buffer: SampleBuffer, first: int, last: int, *, renew: bool) -> None:
-        """Blank impulses in samples [first, last), found in whitened ones: no neighbours."""
+        """Blank impulses in samples [first, last).
+
+        Impulses are found in whitened samples, so that strong neighbours are not blanked.
+        """
         margin = self._beyond
         low = max(buffer.start, first - margin)
         high = min(buffer.end, last + margin)

@@ -13,16 +13,18 @@ class ChannelTuning:
     reorder_s: float = 0.1
     """Longest wait for a sample block that one later block has overtaken [s]."""
     recent_blocks: int = 64
-    """Recent sample blocks; the longest is the expected length of the next."""
+    """Number of recent blocks; the longest is the expected length of the next one."""
     restart_blocks: int = 3
-    """Consecutive blocks of too early times after which the stream restarts."""
+    """Number of consecutive blocks with earlier times than expected after which the stream
+    restarts."""
     # Shortest run of zeros that counts as lost samples; coarse samples contain shorter ones.
     shortest_loss_s: float = 0.0005
     shortest_loss_samples: int = 4
     least_received: float = 0.45
     """Minimum share of a window's samples that were received, for it to be evaluated."""
     floor_stride: int = 4
-    """Step between samples for the median power, the noise floor [samples]."""
+    """Step between the samples used for the median power, which gives the noise floor
+    [samples]."""
     usual_error_hz: float = 500.0
     """Maximum usual error of a tag's frequency [Hz]."""
     edge_hz: float = 2.0
@@ -58,19 +60,22 @@ class CarrierTuning:
     because an idle transmitter with frames of 60 ms has a line every 16.7 Hz, which occupies
     half of the bins."""
     floor_scale: float = 2.0
-    """Ratio of a noise group's median power to that of the bin at `floor_rank`."""
+    """Ratio of the median power of a group of noise bins to the power of the bin with the rank
+    `floor_rank`."""
     most_lines: int = 240
-    """Maximum number of carriers removed; 60 ms frames make one every 16.7 Hz."""
+    """Maximum number of carriers removed; frames of 60 ms cause one every 16.7 Hz."""
     few_lines: int = 6
     """Maximum number of carriers that are all fitted with polynomials of full degree."""
     many_lines: int = 100
-    """Number of carriers above which weak ones get polynomials of `degree_of_most`."""
+    """Number of carriers above which weak carriers are fitted with polynomials of
+    `degree_of_most`."""
     degree_of_many: int = 3
     """Polynomial degree for weak carriers if there are more than `few_lines`. 37 polynomials of
     degree 7 would remove a tenth of the noise, mostly from the newest samples. Degree 3 follows
     a line 1.5 Hz wide."""
     degree_of_most: int = 1
-    """Polynomial degree of weak carriers beyond `many_lines`, as of an idle transmitter."""
+    """Polynomial degree for weak carriers if there are more than `many_lines`, as from an idle
+    transmitter."""
     most_fit_steps: int = 10
     """Maximum number of conjugate-gradient steps in the common fit of all carriers."""
     residual_share: float = 0.02
@@ -99,7 +104,8 @@ class WhiteningTuning:
     """Maximum power with which a window counts in the average noise density [noise densities];
     a window may contain a pulse."""
     rise_ratio: float = 2.2
-    """Ratio of newest median to average noise density that restarts averaging."""
+    """Ratio of the newest median to the average noise density, above which averaging starts
+    again."""
     suppressed_ratio: float = 10.0
     """Ratio of a noise density to that in the tag's band, above which the filter divides only
     by the square root of the excess. After the filter, a neighbour at this ratio has the
@@ -107,13 +113,16 @@ class WhiteningTuning:
     smoothed_bins: int = 5
     """Number of frequency bins over which the noise density is averaged."""
     coloured_ratio: float = 3.0
-    """Ratio of highest noise density to the tag's band's, above which filtering begins."""
+    """Ratio of the highest noise density to that in the tag's band, above which filtering
+    begins."""
     plain_ratio: float = 2.0
-    """Ratio of highest noise density to the tag's band's, below which filtering ends."""
+    """Ratio of the highest noise density to that in the tag's band, below which filtering
+    ends."""
     young_s: float = 2.0
     """Duration at the start in which the measured noise density has an error of a third [s]."""
     young_coloured_ratio: float = 6.0
-    """Ratio of highest noise density to the tag's band's that starts filters in `young_s`."""
+    """Ratio of the highest noise density to that in the tag's band, above which filtering
+    begins during `young_s`."""
     check_every: int = 4
     """Number of search steps between checks for white noise, or between new filters."""
     fewest_windows: int = 12
@@ -127,11 +136,13 @@ class SparkTuning:
     side_s: float = 0.0013
     """Half-length of the filters for the frequencies on both sides of the searched band [s]."""
     smooth_s: float = 0.0011
-    """Half-length of the noise level's average [s]: three independent values in 1 kHz."""
+    """Half-length of the average of the noise level over time [s]; in a band of 1 kHz it
+    averages three independent values."""
     guard_hz: float = 50.0
     """Distance of the noise filters' bands from the searched band, on both sides [Hz]."""
     least_width_hz: float = 300.0
-    """Minimum width of the noise filters' bands [Hz], that of a filter of a millisecond."""
+    """Minimum width of the noise filters' bands [Hz]; a filter of a millisecond cannot be
+    narrower."""
     quiet_quantile: float = 0.2
     """Quantile of the noise levels that represents the time between bursts of noise."""
     mean_ratio: float = 1.8
@@ -141,11 +152,14 @@ class SparkTuning:
     noise exceeds it in 0.8 % of the time, edges of 60 dB pulses in 1.3 %, and sparks with a
     mean power of 3 dB in 16 % or more."""
     sparking_share: float = 0.135
-    """Share of high noise above which samples are divided by it; ten 5 ms bursts/s: 0.1."""
+    """Share of high noise levels above which the samples are divided by the noise level; ten
+    bursts of 5 ms a second give 0.1."""
     steady_share: float = 0.11
-    """Share of high noise levels below which samples are no longer divided by them."""
+    """Share of high noise levels below which the samples are no longer divided by the noise
+    level."""
     check_every: int = 8
-    """Steps between checks for bursts in steady noise; a check costs a third of a step."""
+    """Number of steps between checks for bursts while the noise is steady; a check takes a
+    third of the time of a step."""
     share_gain: float = 0.2
     """Weight of the newest share of high noise levels in its running average."""
 

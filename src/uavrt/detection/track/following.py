@@ -58,7 +58,10 @@ class Follower:
         floor: float,
         around: Callable[[Track, Measured], BurstRates],
     ) -> None:
-        """Follow tracks up to sample `upto`, drop ended ones; `settle` after each pulse."""
+        """Follow tracks up to sample `upto`, and drop those that have ended.
+
+        `settle` is called after each pulse.
+        """
         self._tracks = tracks
         self._around = around
         if not tracks:

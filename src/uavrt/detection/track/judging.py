@@ -124,8 +124,10 @@ class Judge:
         noise: NDArray[np.float32],
         floor: float,
     ) -> tuple[list[tuple[int, Measured]], str | None]:
-        """Pulses of a group that are the tag's; or none, and the reason. In a long group of
-        weak pulses, one near a stronger signal is excluded, and the others must suffice.
+        """Pulses of a group that are the tag's; or no pulses, and the reason for the rejection.
+
+        In a long group of weak pulses, there is always a pulse near which noise, an impulse or
+        another signal is stronger. Such a pulse is excluded, and the others must suffice.
         """
         reason = self._other_train(places, candidate, search, noise)
         if reason is not None:
@@ -180,8 +182,10 @@ class Judge:
         return None
 
     def _stronger_cause(self, pulse: Measured, floor: float) -> tuple[str | None, float]:
-        """Name of a stronger signal that explains a pulse, or None; and the power above that
-        allowed near the pulse [noise powers], 0 without any.
+        """Name of a stronger signal that explains a pulse, or None; and the excess power.
+
+        The excess is the power above that allowed near the pulse [noise powers]; it is 0 if
+        there is no such power.
         """
         rate_hz = self._grid.sample_rate_hz
         bin_hz = rate_hz / self._grid.window
@@ -202,7 +206,10 @@ class Judge:
     def _is_the_other_rate(
         self, group: list[Measured], search: RateSearch, noise: NDArray[np.float32]
     ) -> bool:
-        """True if pulses between a group's show the tag's other rate, of half the interval."""
+        """True if there are pulses between those of a group that show the tag's other rate.
+
+        Every second pulse sent at one rate makes a train of twice the interval.
+        """
         if len(self._tag.pulse_intervals_s) < 2 or len(group) < 2:
             return False
         nominal = self._tag.pulse_intervals_s
@@ -241,8 +248,10 @@ class Judge:
 
 
 def _leak(power: float, apart_bins: float) -> float:
-    """Upper limit of a rectangular pulse's leaked power at a distance in frequency: 1 / (pi df
-    tp)^2, with twice the amplitude as a margin; also for a part of a pulse.
+    """Upper limit of the leaked power of a rectangular pulse, at a distance in frequency.
+
+    The leakage is at most 1 / (pi df tp)^2 of the pulse's power; its amplitude is doubled as a
+    margin. The limit also holds for a part of a pulse.
     """
     return power if apart_bins < 2.0 / math.pi else 4.0 * power / (math.pi * apart_bins) ** 2
 

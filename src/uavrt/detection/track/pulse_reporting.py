@@ -49,7 +49,11 @@ class Reporter:
         return reports
 
     def owner(self, tracks: list[Track], nominal_hz: float, now_s: float) -> Track | None:
-        """Find the tag's track: the active one nearest to its frequency, then the newest."""
+        """Find the track that is the tag's: the active one nearest to its nominal frequency.
+
+        The strength does not matter. Among tracks of nearly equal frequency, the one that
+        received a pulse last is chosen.
+        """
         alive = [
             t
             for t in tracks
@@ -97,7 +101,10 @@ class Reporter:
                     slot.state = "missed"
 
     def doubts(self, track: Track, *, last: bool = False) -> bool:
-        """True if chance forms such tracks too often for unconfirmed pulses to be reported."""
+        """True if chance bursts form such tracks more often than the false-alarm rate allows.
+
+        The pulses of a doubtful track are reported only when the track is confirmed.
+        """
         if track.confirmed:
             return False
         doubtful = track.odds < self._doubt

@@ -55,7 +55,10 @@ class SearchWindow:
         self.band.take_over(before.band, upto)
 
     def find_again(self, track: Track) -> None:
-        """Correct the frequency of a track whose pulses were found with another slide."""
+        """Correct the frequency of a track whose pulses were found with another slide.
+
+        The filter for a constant frequency finds a sliding pulse at any part of its slide.
+        """
         start = np.array([track.slots[-1].measured.start])
         band_hz = 0.5 * abs(self.grid.slide_hz)
         found = self.refiner.search(

@@ -39,9 +39,11 @@ class Slot:
     bursts: BurstRates = QUIET
     """Rates of other transmitters' bursts around the time and frequency of the pulse."""
     burst_odds: float = 0.0
-    """Log odds that the expected detection is the tag's pulse, not another burst."""
+    """Log odds that the detection at the expected time is the tag's pulse and not another
+    transmitter's burst."""
     tag_odds: float = 0.0
-    """Log odds that the detection is the tag's pulse, not noise or another burst."""
+    """Log odds that the detection is the tag's pulse, and neither noise nor another
+    transmitter's burst."""
 
     @property
     def received(self) -> bool:
@@ -72,7 +74,8 @@ class Track:
     slots: list[Slot] = field(default_factory=list)
     """Recent expected pulses of the track with their detections, oldest first."""
     past_ns: list[int] = field(default_factory=list)
-    """Times of accepted pulses no longer in `slots` [ns], to compare longer intervals."""
+    """Times of accepted pulses that are no longer in `slots` [ns], for comparison with tracks
+    of longer intervals."""
     confirmed: bool = False
     held: bool = False
     """True if no pulse is reported before confirmation, as another track is the tag's."""
@@ -83,14 +86,16 @@ class Track:
     confirmed_at_assignment: bool = False
     """True if the track was confirmed when it was last assigned to a tag."""
     ghost_of: int | None = None
-    """Id of the stronger tag whose spurious signal this is (ghosts.py); or None."""
+    """Id of the stronger tag if the track is a spurious signal of it (ghosts.py); None
+    otherwise."""
     dead: bool = False
     since_accepted: int = 0
     tested: int = 0
     """Number of expected pulses tested after the group of pulses that began the track."""
     gained: float = 0.0
     sequences: dict[int, int] = field(default_factory=dict)
-    """Sequence numbers of reported groups, by pulse number divided by K."""
+    """Sequence number of each reported group of K pulses, by its place in the track (pulse
+    number divided by K)."""
     last_accepted_s: float = 0.0
     odds: float = 0.0
     """Log odds that the track is a tag and not a chance series of bursts."""
@@ -102,13 +107,15 @@ class Track:
     interval_open: bool = False
     """True if the pulses are too few to distinguish the interval from another train's."""
     trust: float = FOLLOW.most_trust
-    """Log odds that a confirmed track is a tag, raised by pulses, lowered by misses."""
+    """Log odds that a confirmed track is a tag; received pulses raise it, missed pulses lower
+    it."""
     at_other_rate: "list[Track]" = field(default_factory=list)
     """Tracks of the transmitter at the tag's other rate, if it has switched (two_rates.py)."""
     settled_s: float = -math.inf
     """Time of the last pulse up to which the tag's rate is decided [s]."""
     halves: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    """Log odds of even, and of odd, pulse numbers; the weight of old pulses decays."""
+    """Log odds that the tag sends at even, and at odd, pulse numbers; the weight of old pulses
+    decays."""
     certain_s: float = math.inf
     """Time until which the tag's rate is certain [s]; later pulses are not reported yet."""
 
@@ -440,8 +447,10 @@ class Track:
 
 
 def least_real(powers: list[float]) -> float:
-    """Minimum power at which a group's pulse is received and not noise, relative to the
-    strongest or, in a long group of mostly noise, the strongest quarter.
+    """Minimum power at which a group's pulse counts as received and not as noise.
+
+    A pulse far weaker than the others and not certain by itself counts as noise. In a long
+    group most detections may be noise, so the strongest quarter is the reference.
     """
     strongest = sorted(powers)[-(len(powers) // 4) :]
     return min(20.0, FOLLOW.weakest_share * sum(strongest) / len(strongest))

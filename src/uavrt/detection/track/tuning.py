@@ -79,7 +79,8 @@ class BoundTuning:
     timing_sigmas: float = 2.5
     """Tolerance for a pulse's timing error due to noise [standard deviations]."""
     line_sigmas: float = 3.0
-    """Tolerance of an interval measured by a line of pulse times [standard deviations]."""
+    """Tolerance for an interval measured by a line through pulse times [standard
+    deviations]."""
     known_share: float = 0.5
     """Largest error of a long group's interval at confirmation, as a share of its bound."""
     same_transmitter_hz: float = 40.0
@@ -95,9 +96,11 @@ class BurstRateTuning:
     """Constants for counting bursts of other transmitters."""
 
     noise_sigmas: float = 3.0
-    """Excess of bursts over those expected in noise that counts [standard deviations]."""
+    """Excess of the number of bursts over that expected in noise, above which they count
+    [standard deviations]."""
     memory_s: float = 30.0
-    """Time for which other transmitters' bursts are stored [s]; calls last seconds."""
+    """Time for which bursts of other transmitters are stored [s]; radio calls last some
+    seconds."""
     most_kept: int = 3000
     """Maximum number of other transmitters' bursts stored, sufficient to measure their rate."""
     most_pending: int = 6000
@@ -109,11 +112,13 @@ class BurstRateTuning:
     similar_db: float = 8.0
     """Maximum level difference between a pulse and a burst that may be mistaken for it [dB]."""
     near_rows: float = 2.6
-    """Largest difference of a pulse and a burst like it [spectrogram rows]: 30 Hz."""
+    """Maximum frequency difference between a pulse and a burst that may be mistaken for it
+    [spectrogram rows]: 30 Hz."""
     pair_s: float = 0.012
     """Tolerance in the time between two bursts an interval apart, as in periodic frames [s]."""
     least_phases: int = 3
-    """Least number of phases at which bursts repeat; a tag's own pulses have fewer."""
+    """Minimum number of different phases at which bursts repeat after the tag's interval; a
+    tag's own pulses have fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +153,8 @@ class FollowTuning:
     """Minimum gain of energy by a slide for it to be the tag's; a slide of 140 Hz has it for a
     pulse of 20 ms, and noise does not."""
     confirm_false: float = 0.0005
-    """Chance per test that noise confirms a track; 0.2 to 0.6 % over all its tests."""
+    """Probability per test that noise confirms a tentative track; over all tests of a track it
+    is 0.2 to 0.6 %."""
     confirm_long_false: float = 0.002
     """Probability per test that noise confirms a tentative track with K above `most_alone`."""
     more_tests: int = 2
@@ -159,15 +165,18 @@ class FollowTuning:
     most_tests: int = 40
     """Maximum number of tested pulses of a track that exceeds noise but may be bursts."""
     odds_lost: float = 4.0
-    """Fall of a track's log odds from their maximum that ends it: three misses."""
+    """Fall of a track's log odds from their maximum at which the track ends: three missing
+    pulses."""
     most_missed: int = 10
     """Maximum number of consecutive missed pulses of a track; more end it."""
     first_trust: float = 3.0
     """Log odds that a track just confirmed is a tag; three missing pulses end it."""
     most_trust: float = 15.0
-    """Maximum log odds of a track being a tag; ten misses end it, as `most_missed` does."""
+    """Maximum log odds that a track is a tag; from there, ten missing pulses end the track, as
+    many as `most_missed`."""
     trust_lost: float = 1.4
-    """Maximum log odds lost by one missed pulse; one pulse in four is lost to fading."""
+    """Maximum loss of a track's log odds of being a tag by one missed pulse; one pulse in four
+    is lost to fading."""
     trust_won: float = 4.0
     """Maximum gain of a track's log odds of being a tag that one received pulse can give."""
     joint_trust: float = 6.0
@@ -188,7 +197,8 @@ class FollowTuning:
     weakest_power: float = 3.0
     """Power below which a pulse is mostly noise and is not reported [noise powers]."""
     weakest_share: float = 0.35
-    """Minimum power of a group's pulse relative to the strongest; less may be noise."""
+    """Minimum power of a group's pulse as a share of the strongest pulse's; a weaker one may be
+    noise."""
     joint_ratio: float = 2.0
     """Maximum power with which another pulse counts in the sum that supports a weak pulse,
     relative to the power of the weak pulse."""
@@ -199,19 +209,22 @@ class FollowTuning:
     empty_half: float = -2.5
     full_half: float = 4.0
     half_kept: float = 0.85
-    """Factor of each new pulse on the log odds of even, or odd, pulse numbers."""
+    """Factor by which each new pulse reduces the earlier log odds that the tag sends at even,
+    or at odd, pulse numbers."""
     half_false: float = 0.01
     """Factor on the allowed number of false pulses at numbers where the tag does not send."""
     sure_power: float = 12.0
     """Minimum power of three pulses, an interval apart, that confirm a track [noise powers]."""
     interval_walk: float = 1.5e-4
-    """Standard deviation of the interval's change from pulse to pulse, as a share."""
+    """Standard deviation of the interval's change from pulse to pulse, as a share of the
+    interval."""
     phase_walk_s: float = 0.3e-3
     """Standard deviation of the random shift in a pulse's time from one to the next [s]."""
     most_drift_hz: float = 15.0
     """Maximum change of frequency from pulse to pulse [Hz]; a warming crystal has less."""
     steady_gain: float = 0.1
-    """Gain of a frequency's slow average, which scatters a quarter as much as pulses."""
+    """Gain of the slow average of a track's frequency, which scatters a quarter as much as
+    single pulses."""
     past_pulses: int = 24
     """Number of past pulse times stored: more than three times a track's six slots."""
     whole_power: float = 20.0
@@ -249,7 +262,8 @@ class GhostTuning:
     dB weaker. The strongest harmonic of a signal clipped to a square wave, the third, is 9.5 dB
     weaker. For an intermodulation product, both original signals are stronger by this ratio."""
     least_pulses: int = 3
-    """Minimum pulses of a train marked as a spurious copy (ghost) of a stronger tag."""
+    """Minimum number of pulses in a train that can be marked as a spurious copy (ghost) of a
+    stronger tag."""
     mistaken_share: float = 1e-3
     """Maximum share of real tags that are taken for spurious copies (ghosts) although only
     their pulses coincide with another tag's."""
@@ -260,11 +274,12 @@ class GhostTuning:
     edge_widths: float = 0.75
     """Maximum time between a pulse's start and its edge detected as a pulse [pulse widths]."""
     edge_share: float = 0.6
-    """Minimum share of a train's pulses at another's edges to count as those edges."""
+    """Minimum share of a train's pulses that lie at the edges of another train's pulses, for
+    the train to count as those edges."""
     rounding_ns: int = 1000
     """Maximum rounding error of present-day times as floating-point numbers [ns]."""
     coincident_share: float = 0.9
-    """Share of a spurious (ghost) train's pulses received with the original's."""
+    """Share of a spurious (ghost) train's pulses received together with the original's."""
     drift_steps: int = 32
     """Number of interval differences that average the probability of a chance coincidence."""
 
@@ -287,25 +302,30 @@ class SenderTuning:
     stay_log: float = 1.0
     """Log-likelihood ratio from which a train is assigned to a tag other than before."""
     any_tag_log: float = 50.0
-    """Log-likelihood bonus for any tag over none; it exceeds differences between tags."""
+    """Bonus on the log-likelihood for assigning any tag in place of none; it exceeds all
+    differences between tags."""
     relearn_ns: float = 60e9
-    """Time with another interval before it replaces the tag's measured interval [ns]."""
+    """Time for which a tag must be received with another interval before it replaces the
+    measured interval of the tag [ns]."""
     most_trains: int = 6
-    """Most trains in a band assigned to tags; those received last are chosen."""
+    """Maximum number of a band's trains assigned to tags; the last received are chosen."""
     kept_ns: int = 40_000_000_000
-    """Time for which confirmed trains' pulses are stored [ns], longer than others'."""
+    """Time for which pulses of confirmed trains are stored [ns]; it exceeds that for other
+    bursts."""
     small_ratios: tuple[tuple[int, int], ...] = ((2, 1), (3, 1), (3, 2))
     """Ratios of two tags' intervals at which common pulses fit both tags."""
     likely_odds: float = -6.0
     """Log odds above which an unconfirmed track counts as a tag and not as bursts."""
     same_train_share: float = 2.0 / 3.0
-    """Least share of common pulses of two tracks of one train; less is a collision."""
+    """Minimum share of pulses that two tracks have in common if they belong to one train; a
+    smaller share is a collision."""
     foreign_share: float = 2.0 / 3.0
     """Share of pulses that other trains explain above which a train is dropped."""
     foreign_pulses: int = 3
-    """Minimum pulses of a train for it to be dropped; fewer may coincide by accident."""
+    """Minimum number of a train's pulses to drop it; fewer may coincide by accident."""
     same_interval_ratio: float = 1.2
-    """Ratio of two tracks' intervals up to which they are equal, as both have errors."""
+    """Ratio of two tracks' intervals up to which they count as equal; each has a measuring
+    error."""
 
 
 BAND = BandTuning()

@@ -86,8 +86,10 @@ def decide_rate(track: Track) -> Track | None:
 
 
 def _mark_disputed(track: Track, winner: Track, starts_s: list[float]) -> None:
-    """Mark the pulses whose rate depends on the uncertain time of the switch, which a noise
-    peak where one rate expects a pulse can shift.
+    """Mark the pulses with a rate that depends on the time of the switch.
+
+    The switch is certain, but its time is not: a noise peak where only one rate expects a pulse
+    can make a wrong time likelier.
     """
     first_s, last_s, since_s = min(starts_s), max(starts_s), winner.settled_s
     half_s = track.tag.pulse_width_s / 2.0
@@ -121,15 +123,19 @@ def _margin_s(track: Track) -> float:
 
 
 def evidence(slots: Iterable[Slot], enr: float) -> float:
-    """Log-likelihood ratio of pulses of ENR `enr` to noise, by the largest of V cells."""
+    """Log-likelihood ratio of pulses of ENR `enr` in all given slots to noise alone.
+
+    The largest of V cells replaces the mean of their likelihoods, so the logarithm of V is
+    subtracted.
+    """
     return sum(
         log_evidence(s.measured.power, enr) - math.log(max(s.volume, 1.0)) for s in slots
     )
 
 
 def strength(track: Track) -> float:
-    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30; at the
-    longer interval every second detection is noise.
+    """Mean ENR of the two strongest of the last four pulses, at least 8 and at most 30, because
+    at the longer interval every second detection is noise.
     """
     recent = [slot.measured.enr for slot in track.received]
     strongest = sorted(recent[-4:])[-2:]

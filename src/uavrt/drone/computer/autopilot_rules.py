@@ -17,7 +17,8 @@ from uavrt.link.mavlink.discovery import STATION_SYSTEM_ID
 PX4_PORTS = {"TELEM1": (101, "TEL1"), "TELEM2": (102, "TEL2"), "TELEM3": (103, "TEL3")}
 """For each port of a PX4: value of MAV_n_CONFIG, and the port's name in SER_…_BAUD."""
 ARDUPILOT_PORTS = {"TELEM1": 1, "TELEM2": 2, "TELEM3": 5}
-"""Usual n of the SERIALn parameters for each port label of an ArduPilot board."""
+"""For each port label on an ArduPilot board: usual number n of its SERIALn parameters; boards
+differ."""
 PX4_INSTANCES = (0, 1, 2)
 ARDUPILOT_SERIALS = (1, 2, 3, 4, 5, 6)
 ARDUPILOT_CHANNELS = (1, 2, 3, 4)
@@ -43,7 +44,10 @@ class Need:
 
 
 def serial_number(port: str) -> int:
-    """Return n of SERIALn for a port (``TELEM2``, ``SERIAL2``); `ConfigError` if unknown."""
+    """Return n of SERIALn for a port such as ``TELEM2`` or ``SERIAL2``.
+
+    Raises `ConfigError` for an unknown port.
+    """
     number = port.removeprefix("SERIAL")
     if number.isdecimal() and int(number) in ARDUPILOT_SERIALS:
         return int(number)
@@ -54,7 +58,10 @@ def serial_number(port: str) -> int:
 
 
 def px4_port(port: str) -> tuple[int, str]:
-    """MAV_n_CONFIG value and short name (``TEL2``) of a PX4 port; `ConfigError` if unknown."""
+    """Return the MAV_n_CONFIG value and the short name (``TEL2``) of a PX4 port.
+
+    Raises `ConfigError` for an unknown port.
+    """
     if port not in PX4_PORTS:
         raise ConfigError(f"unknown port {port}", remedy=f"Choose from {', '.join(PX4_PORTS)}")
     return PX4_PORTS[port]
@@ -101,7 +108,10 @@ def names_to_read(px4: bool, port: str | None) -> list[str]:
 def needs(
     px4: bool, values: Mapping[str, float | None], port: str | None, baud: int
 ) -> list[Need]:
-    """Compare parameters with the needed values; `ConfigError` for an unusable port."""
+    """Compare the autopilot's parameters with the values that uavrt needs.
+
+    Raises `ConfigError` for a port that cannot be used.
+    """
     return _px4(values, port, baud) if px4 else _ardupilot(values, port, baud)
 
 

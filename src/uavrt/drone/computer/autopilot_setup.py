@@ -24,7 +24,10 @@ NAMES = {int(MavAutopilot.PX4): "PX4", int(MavAutopilot.ARDUPILOTMEGA): "ArduPil
 def examine_autopilot(
     address: str, *, port: str | None, baud: int | None = None, fix: bool = False
 ) -> Iterator[Finding]:
-    """Check the autopilot's parameters; with `fix`, set those that differ."""
+    """Check whether the autopilot's parameters have the values that uavrt needs.
+
+    With `fix`, set the parameters that differ.
+    """
     place = parse_address(address)
     if port is None and place.device:
         port = "TELEM2"
@@ -36,7 +39,10 @@ def examine_autopilot(
 
 
 def armed_by_link(address: str) -> bool | None:
-    """Connect over an unused link: True if armed, None if no autopilot answers."""
+    """Connect to the autopilot; True if it is armed, None if no autopilot answers.
+
+    No other program may use the link.
+    """
 
     async def ask() -> bool:
         async with ParameterClient.connected(parse_address(address), LISTEN_S) as client:

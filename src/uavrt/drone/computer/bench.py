@@ -15,15 +15,17 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, rough_duration
 from uavrt.drone.computer.finding import Finding, failed, passed
 
 DETECTOR_SILENT_S = 15.0
-"""Silence of all detectors that is a fault [s]; by the link each reports every 6 s."""
+"""Time without a report from any detector that counts as a fault [s]; over the link, each
+detector reports every 6 s."""
 POSE_OLD_S = 2.0
 """Age of the newest position that counts as a fault [s]; usually five arrive per second."""
 HEARD_S = 60.0
 """Largest age at which the last pulse of the test tag still counts as received [s]."""
 NOISE_RISE_DB = 6.0
-"""Increase of a tag's noise that is a fault [dB]; it halves the detection range."""
+"""Increase of a tag's noise level since its lowest value that counts as a fault [dB]; such an
+increase halves the detection range."""
 NOISE_APART_DB = 10.0
-"""Difference of noise at two tag frequencies that is a fault [dB]; 3 dB is usual."""
+"""Noise difference between two tag frequencies that is a fault [dB]; 3 dB is usual."""
 NOISE_LESS_DB = 10.0
 """How far the noise may be below that of past flights before it counts as a fault [dB]. Low
 noise shows a disconnected antenna or a low gain."""
@@ -52,7 +54,8 @@ class FlightFacts:
     heard: bool
     """True if the drone answers on its link."""
     own_findings: tuple[Finding, ...] = ()
-    """Checks of this computer, each in place of the drone's check of that name."""
+    """Results of the checks of this computer; each replaces the check of the drone with the
+    same name."""
     time_known: bool | None = None
     """True if the autopilot's clock is known; None if another check covers it."""
     clock_off_s: float | None = None
@@ -128,7 +131,7 @@ def _add_noise(one: _Heard, noise_psd: float) -> None:
 
 
 def first_flight(facts: FlightFacts, bench: Bench, now_ns: int) -> list[Finding]:
-    """Result of every check before a first flight; no data is a fault."""
+    """Return the result of every check before a first flight; missing data are a fault."""
     judged = [
         _drone(facts),
         _radio(facts, bench, now_ns),
@@ -214,7 +217,10 @@ def _noise(facts: FlightFacts, bench: Bench) -> Finding:
 def _level(
     what: str, levels: dict[int, float], apart_db: float, usual_db: float | None
 ) -> Finding:
-    """Compare similar, steady noise levels of the tags [dB] with those of past flights."""
+    """Compare the tags' noise levels [dB] with those of past flights.
+
+    The levels must already be similar on all tags, and steady.
+    """
     even = f"the noise is steady, and equal within {apart_db:.0f} dB on all tags"
     if usual_db is None:
         return _open(

@@ -40,9 +40,11 @@ HANDOVER = "set-up.conf"
 UPDATE_KEYS = "update-keys.pem"
 COMMAND_KEY = "command.key"
 NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?")
-"""Valid drone name: hostname (RFC 1123) of up to 32 bytes, as for a Wi-Fi name."""
+"""Pattern of a valid drone name: a hostname (RFC 1123) of at most 32 bytes, to serve as Wi-Fi
+name."""
 SECRET = re.compile(r"[A-Za-z0-9._-]{8,63}")
-"""Valid password: 8 to 63 characters for WPA, none that need quoting."""
+"""Pattern of a valid password: 8 to 63 characters for WPA, without characters that need
+quoting."""
 KEY = re.compile(r"(?:[0-9a-fA-F]{2}){16,256}")
 SSH_KEY = re.compile(
     r"(?:ssh-(?:ed25519|rsa)|ecdsa-sha2-nistp256) [A-Za-z0-9+/]{60,1400}={0,2}"
@@ -150,7 +152,10 @@ class FirstSetup:
         return {"name": str(self.values()["name"])}
 
     def command_key(self) -> str:
-        """The command key for a laptop, only while the set-up is unfinished."""
+        """Return the drone's command key for a laptop that will command it.
+
+        Allowed only while the set-up is unfinished.
+        """
         self._require_wanted()
         named = self._settings().mavlink.key_file
         if named is None:

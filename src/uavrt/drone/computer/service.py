@@ -26,7 +26,8 @@ RULE_PATH = Path("etc/udev/rules.d/60-uavrt.rules")
 UPDATE_UNIT_PATH = Path("etc/systemd/system/uavrt-update.service")
 UPDATE_WANTED_PATH = Path("etc/systemd/system/multi-user.target.wants/uavrt-update.service")
 WATCHDOG_S = 15
-"""Silence after which systemd restarts the service [s]; tuning FFTs takes 10 s."""
+"""Time without a report after which systemd restarts the service [s]. Tuning FFTs at the start
+may take 10 s."""
 
 DRIVES = ("/media", "/run/media")
 """Directories where removable drives are mounted, for the command "save logs"."""
@@ -152,7 +153,10 @@ WantedBy=multi-user.target
 
 
 def check_plan(plan: ServicePlan, root: Path = Path("/")) -> None:
-    """Raise `UsageError` for an unknown user, or a missing directory, or one in /tmp."""
+    """Raise `UsageError` for a service that could not start or would lose recordings.
+
+    Refused are an unknown user, a missing directory, and a directory below /tmp.
+    """
     if not root.is_dir():
         raise UsageError(f"{root} is not a directory", remedy="Check --root")
     users = root / "etc/passwd"
@@ -232,7 +236,10 @@ def _quoted(word: str) -> str:
 
 
 def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
-    """Write unit and udev rule, start the service if `root` is ``/``; list what was done."""
+    """Write the unit and the udev rule; start the service if `root` is ``/``.
+
+    Returns a list of what was done.
+    """
     done = [
         _write(root / UNIT_PATH, unit_text(plan)),
         _write(root / RULE_PATH, rule_text()),
@@ -252,7 +259,10 @@ def install(plan: ServicePlan, root: Path = Path("/")) -> list[str]:
 
 
 def remove(root: Path = Path("/")) -> list[str]:
-    """Remove the service, not the flights; list what was done, or raise `UsageError`."""
+    """Stop and remove the service but keep the flights; return a list of what was done.
+
+    Raises `UsageError` if that is impossible.
+    """
     done = _call(("systemctl", "stop", UNIT)) if root == Path("/") else []
     for path in (WANTED_PATH, UNIT_PATH, UPDATE_WANTED_PATH, UPDATE_UNIT_PATH, RULE_PATH):
         try:

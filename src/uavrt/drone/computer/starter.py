@@ -24,7 +24,7 @@ def data_home() -> Path:
 
 
 def install_starter(program: Path, place: Path) -> list[Path]:
-    """Write, or overwrite, the menu entry and its icon; return the files."""
+    """Write the menu entry and its icon, replacing old ones; return the files written."""
     if not program.exists():
         raise NotFound(
             f"there is no {program}", remedy="Install uavrt, and call its own uavrt command"

@@ -17,9 +17,11 @@ from uavrt.core.messages import Poses, SystemStatus
 HOLD_S = 60.0
 """Time for which a new version must work without a gap before it is kept [s]."""
 TRIAL_TIMEOUT_S = 180.0
-"""Longest trial [s], from its start or the landing; then the old version returns."""
+"""Longest trial of a new version [s], from its start or the landing; then the previous version
+is restored."""
 GAP_S = 5.0
-"""Longest gap between records in a trial [s]; status 1 s, poses 0.5 s are usual."""
+"""Longest gap between records that passes a trial [s]; status comes every 1 s, poses every 0.5
+s."""
 HEARD = ("waiting for ground station", "ready")
 ARMED = "autopilot_armed"
 """Counter in the connection's health: 1 if the autopilot reports armed, 0 if disarmed."""
@@ -140,7 +142,10 @@ class Trial:
 
 
 def require_still(seen: Seen, needs: Needs, now_s: float, *, bench: bool) -> Needs:
-    """Return what a trial must observe (`bench`: if present); `UsageError` in flight."""
+    """Raise `UsageError` if the vehicle may be flying; return what a trial must observe.
+
+    `bench`: the drone is on a bench; heartbeat and poses are required only if present now.
+    """
     if seen.armed:
         raise UsageError("the vehicle is armed: nothing was changed", remedy="Disarm it first")
     if seen.state in (SystemState.DETECTING, SystemState.CAPTURING):

@@ -33,12 +33,14 @@ from uavrt.drone.computer.versions import COMPLETE, Installation, version_of
 PrintText = Callable[[str], None]
 Restart = Callable[[], None]
 TrialCheck = Callable[[], tuple[Verdict, str]]
-"""Monitors a version on trial; returns the decision, and a text on what failed."""
+"""Function that monitors a new version on trial. It returns the decision, and a text on what
+failed."""
 
 EXTRAS = {"ros2": "cyclonedds", "ground": "starlette"}
 """Optional parts (pip extras), each with a package that shows it is installed."""
 BUILT_HERE = "wheels"
-"""Directory of wheels that deploy/install.sh built here, as for 64-bit ARM."""
+"""Name of the directory of wheels that deploy/install.sh built on this computer, as for 64-bit
+ARM."""
 PAGE_UNIT = "uavrt-page.service"
 KEYS = ".update-keys.pem"
 """File name, in a version's directory, of the public keys that come with the version."""
@@ -101,7 +103,10 @@ def install_beside(
 
 
 def python_module(environment: Path, *words: str) -> list[str]:
-    """Command for a module as root; ``-I`` keeps it from the user's directory."""
+    """Return the command that runs a module of an environment as root, with ``-I``.
+
+    ``-I`` prevents imports from the working directory, which may belong to the service's user.
+    """
     return [str(environment / "bin/python"), "-I", "-m", *words]
 
 
@@ -187,7 +192,10 @@ def rehearse(made: Path, version: str, *, config: Path) -> None:
 def exchange(
     made: Path, place: Installation, *, restart: Restart, judge: TrialCheck, say: PrintText
 ) -> bool:
-    """Start a version, monitor it; True if kept, False if the previous is restored."""
+    """Start the new version and monitor it. If it fails, restore the previous version.
+
+    True if the new version was kept.
+    """
     before = place.current()
     place.point(place.trial, before)
     place.point(place.link, made)

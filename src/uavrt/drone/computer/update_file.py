@@ -262,7 +262,10 @@ def split_keys(text: str) -> list[str]:
 
 
 def require_signed(content: bytes, signature: bytes, keys: Path, path: Path) -> None:
-    """Raise `UsageError` unless validly signed; only root may write the file of keys."""
+    """Raise `UsageError` unless the content has a valid signature.
+
+    The file of accepted keys must be writable for root only.
+    """
     trusted = _trusted(keys)
     if len(signature) == SIGNATURE_BYTES:
         with tempfile.TemporaryDirectory(prefix="uavrt-update-") as name:

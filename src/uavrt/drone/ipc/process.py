@@ -67,7 +67,10 @@ class ProcessFrame:
         self.running = False
 
     def send(self, topic: str, record: object) -> None:
-        """Queue a record; `report` sends those of a loop pass together, as one wake-up."""
+        """Queue a record for the supervisor; the next `report` sends it.
+
+        Sending all records of a loop pass together wakes the supervisor only once.
+        """
         self.link.put(topic, record)
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:

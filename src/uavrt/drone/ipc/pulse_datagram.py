@@ -26,7 +26,7 @@ a pulse about half a second late, in steps of up to 0.44 s."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseRecord:
-    """Content of a pulse datagram: twelve numbers in order."""
+    """Content of a pulse datagram: its twelve numbers, in their order in the datagram."""
 
     tag_id: float
     frequency_hz: float = 0.0
@@ -47,7 +47,10 @@ class PulseRecord:
 
     @classmethod
     def decode(cls, payload: bytes) -> "PulseRecord":
-        """Decode 96 bytes, numbers may be infinite; `FormatError` for any other size."""
+        """Decode a record of 96 bytes; raises `FormatError` for any other size.
+
+        Numbers may be infinite.
+        """
         if len(payload) != RECORD.size:
             raise FormatError(
                 f"a pulse record must have {RECORD.size} bytes, but this one has "

@@ -15,7 +15,7 @@ from uavrt.drone.ipc.tag_assignment import Assignment
 from uavrt.drone.ipc.topics import decode_record, encode_record
 
 LINK_VARIABLE = "UAVRT_LINK_FD"
-"""Environment variable with the descriptor of the supervisor's socket."""
+"""Environment variable that holds the file descriptor of the supervisor's socket."""
 
 
 FLUSH_BYTES = 16_384
@@ -62,7 +62,10 @@ class RecordSocket:
         return self._sock.fileno()
 
     def put(self, topic: str, record: object) -> None:
-        """Queue a record to be written later; `SupervisorGone` if a full queue cannot be."""
+        """Queue a record; a later `send`, `flush` or `receive` writes it.
+
+        Raises `SupervisorGone` if a full queue cannot be written.
+        """
         self._unsent += encode_record(topic, record)
         if len(self._unsent) > FLUSH_BYTES:
             self.flush()
@@ -89,7 +92,10 @@ class RecordSocket:
         return True
 
     def receive(self, timeout_s: float = 0.0) -> list[tuple[str, Any]]:
-        """Received (topic, record) pairs, within `timeout_s`; `SupervisorGone` at the end."""
+        """Return the received (topic, record) pairs; wait up to `timeout_s` for the first.
+
+        Raises `SupervisorGone` once all are read and the socket is closed.
+        """
         if not self._received and timeout_s > 0 and not self._gone:
             if self._unsent:
                 self.flush()

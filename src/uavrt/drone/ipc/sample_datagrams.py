@@ -49,7 +49,8 @@ HEADER = struct.Struct("<QqdfHH")
 STRETCH = struct.Struct("<qq")
 CARRIER = struct.Struct("<d")
 MAX_STRETCHES = 1024
-"""Most clipped spans in a datagram (16 KiB); a radio block of 87 ms has up to 90."""
+"""Largest number of clipped time spans in a datagram (16 KiB); a radio block of 87 ms has up to
+90."""
 BACKLOG_BYTES = 16 * 1024 * 1024
 """Most samples queued for one detector [bytes]; enough for 280 s of one channel."""
 MAX_CARRIERS = 8
@@ -110,7 +111,7 @@ class ChannelSender:
         self._clipped = kept
 
     def _enqueue(self, *, more: bool) -> None:
-        """Queue the collected blocks; above `BACKLOG_BYTES`, drop the oldest datagrams."""
+        """Queue a datagram of the collected blocks; above `BACKLOG_BYTES`, drop the oldest."""
         carriers = [CARRIER.pack(frequency_hz) for frequency_hz in self._carriers_hz]
         self._size += CARRIER.size * len(carriers)
         envelope = ENVELOPE.pack(len(self._parts) // 2, more, len(self._clipped), len(carriers))

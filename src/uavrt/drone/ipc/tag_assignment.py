@@ -23,4 +23,5 @@ class Assignment:
     worker_of_tag: dict[int, int] = field(default_factory=dict)
     """For the receiver: number of the detector worker that searches each tag, by tag id."""
     sample_fds: tuple[int, ...] = ()
-    """Descriptors: first the receiving end, if any, then a sending end per detector."""
+    """File descriptors of sample sockets: a receiving end, if any, then a sending end per
+    detector."""

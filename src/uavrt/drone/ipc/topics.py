@@ -25,7 +25,8 @@ class Topic:
     meaning: str
     _: KW_ONLY
     newest: int | None = None
-    """Records kept for a slow consumer, None for all; older ones are dropped, counted."""
+    """Number of records kept for a slow or restarting consumer; None keeps all. Older records
+    are dropped and counted."""
     every_s: float | None = None
     """Usual time between two records of one sender [s]; None if irregular. A rate below half of
     the usual one is reported as too slow (`uavrt.drone.supervisor.pace`)."""

@@ -286,7 +286,9 @@ class ConnectionProcess:
         self._frame.send("command", command)
 
     def _say(self, text: StatusText) -> None:
-        """Send a text to the ground, and to the supervisor, which only records it."""
+        """Send a text to the ground, and to the supervisor, which records it but does not
+        return it.
+        """
         self._frame.send("status_text", text)
         self._send_text(text)
 

@@ -34,14 +34,16 @@ FAILURES_PER_TAG = 2
 """Number of failures of a tag's search after which the tag is no longer searched."""
 SELECT_S = 0.2
 LIVE_NS = 1_500_000_000
-"""Age of samples that are backlog [ns]; blocks and filters delay by 0.2 s."""
+"""Age from which samples count as backlog [ns], such as after a restart. Blocks and filters
+alone delay samples by 0.2 s."""
 
 
 class DetectorBank:
     """The detectors of all tags of a process, each created with the first block of its channel.
 
     A detector that fails or hangs must not disturb the search for other tags. All detectors are
-    then created again. A tag that fails twice is no longer searched.
+    then created again, and the suspect tags are searched one at a time. A tag that fails twice
+    is no longer searched.
     """
 
     def __init__(
@@ -285,7 +287,10 @@ class Searcher:
         """Start time of the blocks that are not yet searched [ns]."""
 
     def send(self, block: ChannelBlock) -> None:
-        """Add a channel's block; blocks of one time are searched as the next begins."""
+        """Add one channel's block.
+
+        The blocks of a radio block are searched together, once the next radio block begins.
+        """
         if block.time_ns != self._time_ns:
             self._search()
             self._time_ns = block.time_ns

@@ -24,9 +24,11 @@ REPEATS_NS = tuple(ns_from_s(s) for s in (2.0, 4.0, 8.0, 16.0, 32.0))
 """Times between the repeated transmissions of a turn's last bearing [ns]. With 50 % packet
 loss, one of the six copies arrives with probability 0.98."""
 PERIOD_NS = ns_from_s(0.25)
-"""Shortest time between bearings [ns]; 64 bytes are a fifth of the slowest link."""
+"""Shortest time between two bearing messages [ns]; their 64 bytes each take a fifth of the
+slowest link."""
 SHARE = 9
-"""Pause after computing, as a multiple of its time: a load of 0.1 cores."""
+"""Pause after computing bearings, as a multiple of the computing time; limits the load to 0.1
+cores."""
 
 
 @dataclass(slots=True)

@@ -66,19 +66,25 @@ RunInBackground = Callable[[Callable[[], None]], None]
 TICK_S = 0.05
 ALIVE_S = 0.5
 COURSE_S, PATH_REQUEST_S = 1.0, 0.4
-"""Time between reports of the course, normally and as a path is requested [s]."""
+"""Time between reports of the drone's course [s]: normally, and while a path is requested."""
 MOST_WAITING_ORDERS = 8
 """Largest number of orders waiting to be planned."""
 
 
 def limits_of(settings: GuidanceSettings) -> Limits:
-    """Flight limits of settings and keep-out file; `ConfigError` or `FormatError`."""
+    """Return the flight limits that the settings and the keep-out file define.
+
+    Raises `ConfigError` or `FormatError`.
+    """
     own = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return Limits(**own, keep_out=keep_out_of(settings))
 
 
 def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAround | None:
-    """Heights around home, None without a file; `FormatError` or `PlanError` if unusable."""
+    """Read the terrain heights around home; None if no elevation file is configured.
+
+    Raises `FormatError` or `PlanError`.
+    """
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -89,7 +95,10 @@ def ground_of(settings: GuidanceSettings, home: tuple[float, float]) -> GroundAr
 
 
 def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
-    """Add the autopilot's geofence to the limits; `PlanError` if it is unusable."""
+    """Return the limits with the autopilot's geofence added.
+
+    Raises `PlanError` if the fence is unusable.
+    """
     if fence is None:
         return limits
     if fence.fault is not None:
@@ -98,7 +107,10 @@ def fenced(limits: Limits, fence: VehicleFence | None) -> Limits:
 
 
 def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLosses | None":
-    """Model of losses behind hills; None without elevation file, may raise `FormatError`."""
+    """Return a model of the signal loss behind hills; None without an elevation file.
+
+    Raises `FormatError`.
+    """
     if settings.terrain is None:
         return None
     from uavrt.localization.terrain.elevation_files import open_elevation
@@ -111,7 +123,10 @@ def hills_of(settings: GuidanceSettings, home: tuple[float, float]) -> "HillLoss
 
 
 def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
-    """Read the configured areas not to fly over; `ConfigError` or `FormatError`."""
+    """Read the areas that the drone must not fly over from the configured file.
+
+    Raises `ConfigError` or `FormatError`.
+    """
     name = settings.keep_out_file
     if name is None:
         return ()
@@ -126,7 +141,10 @@ def keep_out_of(settings: GuidanceSettings) -> tuple[KeepOut, ...]:
 
 
 def equipment_of(settings: Settings) -> Equipment:
-    """Antenna, detector and planner for a search; `UsageError` for an unknown antenna."""
+    """Return the antenna, detector and planner settings for a search.
+
+    Raises `UsageError` for an unknown antenna.
+    """
     antenna = settings.bearings.antenna
     return Equipment(
         pattern=None if antenna == MONOPOLE else pattern_named(antenna),
@@ -468,7 +486,10 @@ class Guide:
             planner.request_decision(time_ns, now, idle=execution.idle, others=others)
 
     def _choose(self, choice: Choice, execution: OrderExecution, now: VehicleNow) -> None:
-        """Fly a decision; if others search too, first request its path from the ground."""
+        """Fly a search decision.
+
+        If other drones search too, first request its path from the ground.
+        """
         if choice.steps is None or choice.leg is None or self._shared.choose(choice, now):
             self._follow(choice, choice.notes, execution, now)
             return

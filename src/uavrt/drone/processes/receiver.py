@@ -47,7 +47,7 @@ every `RadioSettings.retry_s`, not at once."""
 
 
 CLIPPED_S = 0.1
-"""Duration of clipped samples that is reported [s]: about five pulses."""
+"""Duration of clipped samples from which clipping is reported [s]: about five pulses."""
 
 
 class ChannelSink(Protocol):
@@ -246,7 +246,10 @@ class Receiver:
         )
 
     def restart_filters(self, *, failed: bool = True) -> None:
-        """Restart the filters after a gap, by a failure or (not `failed`) a new setting."""
+        """Restart the filters after a gap in the samples.
+
+        `failed` is True after a failure of the radio, False after a change of its settings.
+        """
         self.failures += failed
         self._reopened = True
         self._front_end.reset()

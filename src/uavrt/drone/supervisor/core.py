@@ -62,7 +62,10 @@ CLOSE_S = 5.0
 
 
 class Supervisor:
-    """Runs processes, routes records (as lines to `on_record`), and obeys commands."""
+    """Runs the drone's processes, routes records between them, and carries out commands.
+
+    `on_record`: called with each record as an encoded line.
+    """
 
     def __init__(
         self,
@@ -176,7 +179,10 @@ class Supervisor:
         self.mission.delete_saved_state()
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out or refuse a command once; the reply follows the published state."""
+        """Carry out or refuse a command; return the reply, for a repeated command the same.
+
+        A changed state is published before the reply.
+        """
         before = self.mission.state
         reply = self.mission.command(command)
         if self.mission.state is not before:

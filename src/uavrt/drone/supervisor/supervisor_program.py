@@ -21,7 +21,10 @@ from uavrt.drone.supervisor.viewers import Viewers, require_unserved
 
 
 async def supervise(settings: Settings, tags: tuple[Tag, ...], launcher: Launcher) -> None:
-    """Run until SIGTERM or SIGINT; detect at once with tags, or an interrupted flight."""
+    """Run the system until SIGTERM or SIGINT.
+
+    With tags, or after an interrupted flight, detection starts at once.
+    """
     viewers = Viewers()
     supervisor = Supervisor(settings, on_record=viewers.show, launcher=launcher)
     viewers.supervisor = supervisor

@@ -56,7 +56,10 @@ class Viewers:
                 writer.write(data)
 
     async def serve(self, path: str) -> asyncio.Server | None:
-        """Open the socket; None, and no viewers, if the card cannot be written."""
+        """Open the socket.
+
+        Returns None if the card cannot be written; the system then runs without it.
+        """
         require_unserved(path)
         try:
             os.makedirs(os.path.dirname(path) or ".", exist_ok=True)

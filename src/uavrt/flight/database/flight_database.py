@@ -13,7 +13,8 @@ from uavrt.flight.database.fields import Row
 from uavrt.flight.flight_layout import FlightLayout
 
 CHECKPOINT_S = 2.0
-"""Time between checkpoints without `durable` [s], which a power cut may lose."""
+"""Time between checkpoints if commits do not wait for the disk [s]; a power cut loses at most
+this time."""
 
 WAL_BYTES = 4_000_000
 """Size at which the write-ahead log is checkpointed [bytes], reached after about ten minutes. A
@@ -151,7 +152,10 @@ class FlightDatabase:
         return new
 
     def checkpoint(self, first: Callable[[], None]) -> bool:
-        """Call `first`, then checkpoint the log, if it is due; False on failure."""
+        """Checkpoint the write-ahead log if it is due; False on failure.
+
+        `first` is called before the checkpoint.
+        """
         if self._durable:
             with suppress(OSError):
                 if self._layout.write_ahead_log.stat().st_size > WAL_BYTES:

@@ -15,14 +15,17 @@ from functools import lru_cache
 from pathlib import Path
 
 STEPS = 50_000
-"""Steps of SQLite's virtual machine between two checks of the time limit: some ms."""
+"""Number of steps of SQLite's virtual machine between two checks of the time limit; these steps
+take some milliseconds."""
 LONGEST_VALUE_BYTES = 16_000_000
-"""Maximum size of a value in a database [bytes]; a flight's settings have 10 kB."""
+"""Maximum size of a value in a database [bytes]; a flight's settings have about 10 kB."""
 LONGEST_S = 120.0
-"""Maximum CPU time of all queries on one database [s]; 100 000 pulses take 1 s."""
+"""Maximum CPU time of all queries on one open database [s]; reading 100 000 pulses takes 1
+s."""
 _SUFFIXES = ("", "-wal", "-shm", "-journal")
 LONGEST_DEFINITION = 20_000
-"""Maximum length of a table's SQL definition [characters]."""
+"""Maximum length of a table's SQL definition [characters], which may contain long default
+values."""
 _COMPUTED = re.compile(r"(?<![a-z_])as(?![a-z_])", re.IGNORECASE)
 """Pattern that matches every SQL definition of a table with a generated column."""
 

@@ -199,7 +199,10 @@ def pose_row(pose: Pose | None) -> Row:
 
 
 def pose_from_row(row: Row) -> Pose | None:
-    """Create a pose from a row; None if all are NULL, `ValueError` for invalid values."""
+    """Create a pose from a row; None if all values are NULL.
+
+    Raises `ValueError` for invalid values.
+    """
     return None if row[0] is None else POSES.record(row)
 
 
@@ -264,4 +267,5 @@ WRITTEN: dict[type, tuple[str, Callable[[Any], Row]]] = {
     SearchReport: (insertion("search_reports", SEARCHED.names), SEARCHED.row),
     Tag: (INSERT_TAG.replace("OR IGNORE", "OR REPLACE"), TAGS.row),
 }
-"""SQL statement and row function that store a record, by its type."""
+"""For each type of record: the SQL statement that stores a record, and the function that
+converts the record to a row."""

@@ -24,7 +24,10 @@ _UNDELIVERED = (
 
 
 def received_tags(directory: str | Path) -> dict[int, tuple[int, int]]:
-    """Count and newest end [ns, UTC] of confirmed pulses, by tag id, for tags with any."""
+    """Number of confirmed pulses and end of the newest pulse [ns, UTC], by tag id.
+
+    Tags without confirmed pulses are left out.
+    """
     with _opened(directory) as database:
         # The recorder makes the tables after the file: there are no pulses yet.
         made = database.execute(_MADE).fetchone()[0]

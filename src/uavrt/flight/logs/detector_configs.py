@@ -89,7 +89,10 @@ def detector_config(
 
 
 def write_detector_config(path: Path, config: DetectorConfig, time_ns: int) -> None:
-    """Write a detectorConfig.txt of a time [ns, UTC]; `RecordingError` on failure."""
+    """Write a detectorConfig.txt; raises `RecordingError` on failure.
+
+    `time_ns`: time that is written into the file [ns, UTC].
+    """
     tag = config.tag
     second = tag.pulse_intervals_s[1:2]
     pairs: list[tuple[str, object]] = [
@@ -201,7 +204,10 @@ def _check(values: dict[str, str]) -> None:
 
 
 def _stretches(text: str) -> tuple[tuple[float, float], ...]:
-    """Parse MATLAB's ``[lo, hi; …]`` [Hz], ``[Inf, -Inf]`` for none; else `ValueError`."""
+    """Parse frequency ranges in MATLAB's form ``[lo, hi; …]`` [Hz]; ``[Inf, -Inf]`` means none.
+
+    Raises `ValueError` for any other text.
+    """
     found = []
     for row in text.strip().removeprefix("[").removesuffix("]").split(";"):
         cells = row.replace(",", " ").split()

@@ -37,7 +37,8 @@ _INSIDE = fields_of(BurstInside)
 DOUBT_FIELDS = tuple(
     name for name, one in _PULSE.items() if one.defaulted and name not in BURST_FIELDS
 )
-"""Fields of `Pulse` that older files lack; as last columns, so the others stay."""
+"""Fields of `Pulse` that older files lack. Their columns come last, because programs read
+columns by position."""
 FIELDS = PULSE_FIELDS + POSE_FIELDS + DOUBT_FIELDS
 _KINDS = {name: one.kind for name, one in (_PULSE | _POSE).items()}
 
@@ -62,7 +63,10 @@ def inside_record(burst: BurstInside) -> dict[str, Any]:
 
 
 def pulse_from_record(record: dict[str, Any]) -> PulsePose:
-    """Pulse with pose of values by name; `ValueError`, `KeyError`, `TypeError` if invalid."""
+    """Create a pulse with its pose from values by field name.
+
+    Raises `ValueError`, `KeyError` or `TypeError` for invalid values.
+    """
     pulse = _converted(record, Pulse, _PULSE.values())
     time_ns = (pulse.start_time_ns + pulse.end_time_ns) // 2
     return PulsePose(pulse=pulse, pose=_pose_from_record(record, time_ns))
@@ -82,7 +86,10 @@ def _pose_from_record(record: dict[str, Any], time_ns: int) -> Pose | None:
 def _converted(
     record: dict[str, Any], kind: type[R], described: Iterable[RecordField], **more: Any
 ) -> R:
-    """Record of class `kind` of a file's line; unknown numbers are NaN, missing defaults."""
+    """Create a record of class `kind` from a line of a file; unknown numbers become NaN.
+
+    Fields that the line lacks get their default values.
+    """
     values = {
         one.name: _finite_or_nan(record[one.name]) if one.kind == "real" else record[one.name]
         for one in described
@@ -132,14 +139,20 @@ class PulseWriter:
 
 
 def pulse_format(name: str) -> PulseFormat:
-    """Format of a pulse file by its name: CSV for ``.csv``, else (also ``-``) JSON lines."""
+    """Format of a pulse file according to its name: CSV for ``.csv``, otherwise JSON lines.
+
+    For ``-`` (standard output) it is JSON lines.
+    """
     return "csv" if name.lower().endswith(".csv") else "jsonl"
 
 
 def read_pulse_file(
     path: str | os.PathLike[str], warn: Callable[[str], None] | None = None
 ) -> tuple[PulsePose, ...]:
-    """Read what `PulseWriter` wrote; damaged lines are reported, an incomplete last is not."""
+    """Read pulses that `PulseWriter` wrote; damaged lines are skipped and reported.
+
+    An incomplete last line and a byte order mark are ignored.
+    """
     name = os.fspath(path)
     with os_errors_as(FormatError, f"cannot read {name}", "Check the name"):
         content = read_file(path, TEXT_LOG)

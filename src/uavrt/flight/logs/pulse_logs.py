@@ -33,7 +33,9 @@ _MISSING = SELECT_PULSE_POSES.format(join="").replace(
 
 
 class PulseLogs:
-    """Text logs of flight and tags, completed from the database after a failed write."""
+    """Text logs of the flight and of each tag, completed from the database after a failed
+    write.
+    """
 
     def __init__(self, layout: FlightLayout) -> None:
         self._layout = layout

@@ -52,7 +52,10 @@ def format_line(pulse_pose: PulsePose) -> str:
 
 
 class _Groups:
-    """Numbers a tag's pulse groups: one begins when the index in it does not increase."""
+    """Numbers the pulse groups of each tag, as a log does not contain these numbers.
+
+    A new group begins when the index of the pulse in its group does not increase.
+    """
 
     def __init__(self) -> None:
         self._last: dict[int, tuple[int, int]] = {}

@@ -18,7 +18,10 @@ class FlightCache(Generic[T]):
         self.kept = dict(kept or {})
 
     def get(self, directory: str) -> T:
-        """Value of a flight, by `read` (whose errors it raises) only if its files changed."""
+        """Value of a flight; it is read again only if the flight's files have changed.
+
+        Raises the errors of the function `read`.
+        """
         stamp = stamp_of(directory)
         found = self.kept.get(directory)
         if found is None or found[0] != stamp:

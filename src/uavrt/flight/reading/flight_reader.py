@@ -37,7 +37,7 @@ R = TypeVar("R")
 _SPANS = "min(start_time_ns), max(start_time_ns), min(end_time_ns), max(end_time_ns)"
 _LATER_TABLES = ("search_notes", "beeps")
 LATEST_NS = 2**62
-"""Latest time accepted [ns since 1970]; sums and differences fit in 64 bits."""
+"""Latest time accepted in a flight [ns since 1970]; sums and differences fit in 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,10 @@ class Flight:
 
 
 def read_flight(directory: str | os.PathLike[str]) -> Flight:
-    """Read a flight, even in progress, without health records; may raise `FormatError`."""
+    """Read a flight, complete or in progress; health records are left out.
+
+    Raises `FormatError` if the flight cannot be read.
+    """
     with flight_database(Path(directory)) as database:
         return Flight(
             info=flight_info(database, Path(directory)),

@@ -49,7 +49,10 @@ def usual_noise_db(levels_db: Iterable[float | None]) -> float | None:
 
 
 def read_usual_noise_db(directories: Iterable[Path]) -> float | None:
-    """Median noise of past flights [dB], newest first, if any; damaged ones are skipped."""
+    """Read the median noise of past flights [dB], given with the newest first.
+
+    Damaged flights are skipped. The result is None if no flight has a noise level.
+    """
     return usual_noise_db(_levels_db(directories))
 
 

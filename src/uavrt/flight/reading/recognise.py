@@ -62,7 +62,10 @@ def read_pulses(path: str | os.PathLike[str]) -> tuple[PulsePose, ...]:
 
 
 def read_pulse_log(path: str | os.PathLike[str]) -> PulseLog:
-    """Read a flight or log of any format, and warnings; `FormatError` if unreadable."""
+    """Read a flight or a log of any known format, and warnings about its contents.
+
+    Raises `FormatError` if it cannot be read.
+    """
     place = Path(path)
     if place.name == "flight.sqlite":
         place = place.parent
@@ -182,7 +185,10 @@ def _is_tag_list(path: str | os.PathLike[str], cells: Sequence[str]) -> bool:
 
 
 def _is_tagtracker(lines: Sequence[str]) -> bool:
-    """True for rows of a TagTracker log, parted by commas, semicolons or tabs."""
+    """True if a file has the rows of a TagTracker log.
+
+    The cells may be separated by commas, semicolons or tabs, as spreadsheets write them.
+    """
     rows = (cells_of(line) for line in with_commas(lines[:_FIRST_LINES]) if line.strip())
     first = next(rows, [])
     return len(first) > 3 and (is_heading(first) or row_kind(first[0]) in _TRACKERS)

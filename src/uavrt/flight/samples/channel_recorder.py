@@ -47,12 +47,15 @@ FREE_SPACE_FACTOR = 1.2
 """Ratio of the free disk space that channel recording requires to that which other recording
 requires. Channel recording stops first, so that it never causes flights to be removed."""
 NOISE_STEPS = {8: 3.0, 16: 20.0}
-"""Minimum rms of I and Q of noise at a file's start [quantizer steps], by bits."""
+"""Minimum rms of the noise's I and Q at the start of a file [quantizer steps], for each number
+of bits per value."""
 FINER = math.sqrt(0.5)
-"""Fall of the noise's amplitude since a file's start that ends an 8-bit file."""
+"""Fraction to which the noise amplitude must fall from its value at the file's start before an
+8-bit file ends."""
 WINDOW = 128
 HEADROOM = 1.25
-"""Minimum ratio of full scale to the strong signal's peak that widened the scale."""
+"""Minimum ratio of a file's full scale to the peak of the strong signal for which the scale was
+widened."""
 WIDER_S = 20.0
 """Minimum duration of a 16-bit file [s] before a smaller scale may be used again."""
 TIME_STEP_NS = 500_000
@@ -387,7 +390,10 @@ def _needed(peak: float, bits: int) -> float:
 
 
 def _scale_of_piece(samples: NDArray[np.complex64], peak: float) -> tuple[int, float, bool]:
-    """Choose a file's bits per value, full scale, and if a strong signal widened it."""
+    """Choose the scale of a new file: bits per value, full scale, and whether it was widened.
+
+    It is widened for a strong signal.
+    """
     fitting = _scale_by_noise(samples, 8)
     if 0.0 < _needed(peak, 8) <= fitting:
         return 8, fitting, False

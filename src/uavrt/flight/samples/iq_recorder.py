@@ -14,13 +14,16 @@ from uavrt.core.messages import IQBlock
 from uavrt.flight.samples.sample_file import FreeSpace, SampleFile
 
 QUEUE_S = 2.0
-"""Longest queue for the disk [s]: 6 MB at 375 kS/s. An SD card may pause for 1 s."""
+"""Longest queue of samples that wait for the disk [s]: 6 MB at 375 kS/s. An SD card may pause
+for 1 s."""
 
 WAKE_S = 0.2
-"""Duration of samples written at a time [s]; waking the thread costs more."""
+"""Duration of the samples that are written at a time [s]; waking the thread costs more than the
+writing."""
 
 SETTLED_AFTER_S = 12.0
-"""Time from the start in which sample times may still be corrected quickly [s]."""
+"""Time from the start of the radio in which its sample times may still be corrected quickly [s]
+(`uavrt.radio.timing.sample_times`)."""
 
 
 class IQRecorder:

@@ -17,7 +17,8 @@ from uavrt.flight.samples.sigmf_metadata import FULL_SCALE, Stretch, sigmf_metad
 BYTES_PER_SAMPLE = 4
 _FREE_SPACE_PERIOD_S = 1.0
 _LEAST_MOVE_NS = 1_000_000
-"""Smallest correction of a start time that is written to the metadata [ns]."""
+"""Smallest correction of the start time of consecutive samples that is written to the metadata
+[ns]."""
 
 
 class SampleFile:
@@ -72,7 +73,11 @@ class SampleFile:
         return max(0, len(self._stretches) - 1)
 
     def append(self, samples: NDArray[np.complex64], sample_index: int, time_ns: int) -> None:
-        """Write samples or none; a jump of index or time [ns, UTC] begins a new stretch."""
+        """Scale and write samples, completely or not at all.
+
+        `sample_index`: number of the first sample in the radio's stream. `time_ns`: its time
+        [ns, UTC]. A jump of either begins a new stretch.
+        """
         values = self._scaled(samples)
         try:
             if sample_index != self._next_index:

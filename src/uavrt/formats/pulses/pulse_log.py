@@ -22,7 +22,8 @@ WITHOUT_HEADINGS = frozenset({"ucsd", "sensorgnome", "detections"})
 """Kinds of logs that contain no compass headings. They give no bearings, and a whip antenna is
 assumed unless another antenna is named."""
 NUMBERED_BY_FREQUENCY = frozenset({"ucsd", "pyradiotracking", "sensorgnome"})
-"""Kinds of pulse logs without a tag list; a number can mean other tags in another log."""
+"""Kinds of pulse logs that have no tag list; in two such logs, a number can mean different
+tags."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

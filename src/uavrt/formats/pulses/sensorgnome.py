@@ -138,7 +138,8 @@ def _is_tuning(cells: Sequence[str]) -> bool:
 
 
 def _tuned_elsewhere(path: Path, lines: Sequence[str]) -> tuple[dict[str, float], list[str]]:
-    """Frequencies [Hz] of ports without S line, from the folder's other files, with notes.
+    """Return the frequencies [Hz] of ports for which a file has no S line, from the pulse files
+    in its folder, and a note on each.
 
     Earlier files of the same start of the receiver come first (their names begin alike:
     station-serial-start-); if there are none, all files of the folder that agree.
@@ -238,7 +239,9 @@ def _posed(pulses: list[tuple[Pulse, int]], places: list[Place]) -> tuple[PulseP
 def _between(
     time_ns: int, places: list[Place], times_ns: list[int], base_m: float, longest_ns: int
 ) -> Pose | None:
-    """Pose without heading between positions up to `longest_ns` away; None without one."""
+    """Pose without heading at a time, interpolated between positions at most `longest_ns` away;
+    None without one.
+    """
     after = bisect_left(times_ns, time_ns)
     near = [
         place
@@ -265,7 +268,7 @@ def _pose(time_ns: int, lat: float, lon: float, alt: float, base_m: float) -> Po
 
 
 def read_detections(path: str | os.PathLike[str]) -> PulseLog:
-    """Read find_tags's detections, a burst per row; a `FormatError` names the bad row."""
+    """Read the detections of find_tags, one burst per row; a `FormatError` names a bad row."""
     names: list[str] | None = None
     found: list[PulsePose] = []
     lines = read_lines(path)

@@ -157,7 +157,11 @@ def read_tagtracker(path: str | os.PathLike[str]) -> PulseLog:
 
 
 def write_tagtracker(stream: TextIO, pulse_poses: Iterable[PulsePose]) -> None:
-    """Write a pulse CSV as TagTracker does (rows 7), without pulses that have no pose."""
+    """Write a pulse CSV as TagTracker does, with rows of kind 7.
+
+    Pulses without a pose are left out: the format has no value for "unknown", and zeros would
+    be a place in the Atlantic.
+    """
     stream.write(HEADER + "\n")
     for one in pulse_poses:
         if one.pose is not None:
@@ -298,7 +302,10 @@ def _pulse(tag: Sequence[str], start_ns: int, snr: str, states: Sequence[str]) -
 def _pose(
     cells: Sequence[str], time_ns: int, vehicle: Quaternion | None, offset_deg: float
 ) -> Pose | None:
-    """Antenna pose; None where latitude, longitude and height are zero: no telemetry."""
+    """Antenna pose from latitude, longitude and height; None if all are zero.
+
+    TagTracker writes zeros if it has no telemetry.
+    """
     place = place_or_none(cells[0], cells[1])
     if place is None or place == (0.0, 0.0) or vehicle is None:
         return None
@@ -320,7 +327,7 @@ def _attitude(roll_pitch_yaw_deg: Sequence[float]) -> Quaternion | None:
 
 
 def _snr(cell: str) -> float:
-    """SNR [dB] in a cell, NaN if unknown; minus infinity: power equal to the noise."""
+    """SNR [dB] in a cell, NaN if unknown; minus infinity means power equal to the noise."""
     value = float(cell)
     return math.nan if value in (PLACEHOLDER_DB, math.inf) else value
 

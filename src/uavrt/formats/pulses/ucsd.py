@@ -1,7 +1,8 @@
 """Read CSV files of UCSD's Radio Telemetry Tracker, with one ping or one estimate per row.
 
-Timestamps are seconds since 1970, or ISO 8601; amplitudes are decibels over an unknown
-reference, so only differences count. Targets are numbered in order of frequency.
+Timestamps are seconds since 1970, or ISO 8601. The amplitude is in decibels over an unknown
+reference; only differences of amplitude have a meaning, and they equal differences of SNR. A
+target is identified by its frequency, and targets are numbered 1, 2 … in order of frequency.
 """
 
 import math

@@ -13,8 +13,10 @@ _DAY_NS = 86_400_000_000_000
 def declination_deg(
     latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, time_ns: int
 ) -> float:
-    """Angle from true to magnetic north [deg], positive to the east, accurate to some 0.01°,
-    for positions rounded to 0.01°, heights to a kilometre and times to a day.
+    """Angle from true to magnetic north [deg], positive to the east, accurate to some 0.01°.
+
+    Declination changes by 0.01° over a kilometre or a month. So positions are rounded to 0.01°,
+    heights to a kilometre and times to a day.
     """
     return _declination_deg(
         round(latitude_deg, 2),

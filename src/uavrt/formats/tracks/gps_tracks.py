@@ -41,7 +41,7 @@ _DAY_NS = 86_400_000_000_000
 
 
 def read_nmea(path: Path) -> VehicleTrack:
-    """Read undamaged NMEA sentences; `FormatError` if no position has a date."""
+    """Read undamaged NMEA sentences; raises `FormatError` if no position has a date."""
     day_ns: int | None = None
     time_ns: int | None = None
     places: dict[int, PositionSample] = {}

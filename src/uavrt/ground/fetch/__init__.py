@@ -1,5 +1,6 @@
 """Download flights from the drone to this computer.
 
-`ftp_client` implements MAVLink FTP, `drone_files` selects the fastest link, `downloads` serves
-the page, and `same_flight` keeps other flights' files from being overwritten.
+`ftp_client` implements MAVLink FTP, and `drone_files` selects the fastest link to the drone.
+`downloads` downloads flights for the web page and shows progress. `same_flight` prevents that a
+download overwrites another flight's files.
 """

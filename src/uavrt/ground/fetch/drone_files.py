@@ -104,7 +104,9 @@ class DroneFiles:
             self.link = (later or others)[0]
 
     async def _send_heartbeat(self) -> None:
-        """Send a heartbeat once a second, so that the autopilot routes messages to us."""
+        """Send a heartbeat once a second, so that the autopilot routes messages to this
+        program.
+        """
         message = own_heartbeat(dialect.MavType.GENERIC)
         while True:
             self._links.send_by_all(message)

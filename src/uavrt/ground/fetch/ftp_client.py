@@ -31,7 +31,8 @@ from uavrt.link.mavlink.services.ftp_wire import (
 )
 
 REPLY_NS = ns_from_s(1.5)
-"""Time after which an unanswered file request is repeated [ns]; slow radios queue longer."""
+"""Time without a reply after which a file request is repeated [ns]; longer than the delay in
+the queue of a slow radio."""
 TRIES = 10
 BURST_GAP_NS = ns_from_s(2.0)
 """Silence after which a burst of file data counts as finished [ns]."""
@@ -44,7 +45,8 @@ LEAST_BYTES, LEAST_ENTRIES = 6000, 30
 """Minimum progress within `STALL_NS` of a file [bytes] and of a list [entries]; the slowest
 radio reaches three times as much."""
 MOST_REPLIES = 4096
-"""Most queued replies of the file server; further ones are dropped and counted."""
+"""Maximum number of queued replies of the file server; further replies are dropped and counted.
+"""
 CHECKSUM_TRIES = 30
 """Maximum number of requests for one file's checksum; for 1 GB a drone needs 10 s."""
 MOST_GROWTH_BYTES = 16_000_000
@@ -312,7 +314,9 @@ def _soon(wait_ns: int) -> float:
 
 
 def require_room(entries: Iterable[RemoteEntry], place: Path, *, samples: bool) -> None:
-    """Raise `RecordingError` if a flight does not fit on the disk or exceeds `MOST_BYTES`."""
+    """Raise `RecordingError` if a flight does not fit on the disk or, without samples, exceeds
+    `MOST_BYTES`.
+    """
     whole = sum(entry.size or 0 for entry in entries)
     if whole > MOST_BYTES and not samples:
         raise RecordingError(

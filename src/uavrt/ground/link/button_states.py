@@ -1,4 +1,4 @@
-"""Decide which buttons of the page are enabled, with a reason for each disabled one."""
+"""Decide which buttons of the page are enabled, with a reason for each disabled one. No I/O."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -138,7 +138,9 @@ class Commands:
             return await self._use_radio(link, "raw_capture") or "capturing"
 
     async def _use_radio(self, link: GroundLink, name: CommandName) -> str:
-        """Start detection or a raw capture with the page's radio; return the directory."""
+        """Start detection or a raw capture with the radio settings of the page; return the
+        flight's directory.
+        """
         settings = self._vehicle.store.settings
         frequency = settings.center_frequency_mhz
         return await link.start_detection(

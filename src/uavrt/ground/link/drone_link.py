@@ -166,7 +166,9 @@ class GroundLink:
             await self._links.close(opened=bool(addresses))
 
     async def wait_for_drone(self, timeout_s: float) -> Peer:
-        """Wait for a message of the drone (component 191); `LinkError` after `timeout_s`."""
+        """Wait for a message of the drone (component 191); raises `LinkError` after
+        `timeout_s`.
+        """
         await self.contact.wait(timeout_s)
         assert self.protocol.drone is not None
         return self.protocol.drone

@@ -54,7 +54,10 @@ class Connection:
         return self.link is not None and self.link.protocol.present(now_ns)
 
     async def open(self, tags: Callable[[], Sequence[Tag]]) -> None:
-        """Open the link from the settings, with the tags of `tags`; raises `LinkError`."""
+        """Open the link from the settings; raises `LinkError`.
+
+        `tags`: function that returns the tags sent to the drone.
+        """
         settings = self._store.settings
         if self._receipts is None:  # once: a link is opened again while the disk hangs, too
             disk = self._store.disk

@@ -19,7 +19,8 @@ class LinkKeys:
     as_gcs: bool = False
     """Use system 255 and type GCS, which the original system's drone side requires."""
     command: Key | None = None
-    """Key that authenticates commands by their content, which PX4 forwards; or None."""
+    """Key that authenticates commands by their content, which PX4 forwards unchanged; or
+    None."""
     signing: SigningKey | None = None
     """Key of MAVLink 2 frame signing; None: frames are not signed."""
 

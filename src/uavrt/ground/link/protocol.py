@@ -54,7 +54,8 @@ from uavrt.link.tunnel.tunnel_records import has_place, pulse_from_wire, tag_of_
 log = get_logger()
 
 DRONE_SILENCE_NS = ns_from_s(6.0)
-"""Time without messages after which the drone counts as lost [ns], as in the original."""
+"""Time without messages after which the drone counts as lost [ns], as in the original ground
+station."""
 FILES_NS = ns_from_s(3.0)
 """Time after a file request for which keepalives announce a file transfer [ns]."""
 ORDERS = 16

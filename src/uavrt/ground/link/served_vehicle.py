@@ -1,4 +1,6 @@
-"""One vehicle that the ground station serves, with link, reports and flight."""
+"""One vehicle that the ground station serves, with its link, the drone's reports and the
+flight.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -149,7 +151,9 @@ class ServedVehicle:
         return True
 
     def _report_others(self, now_ns: int) -> None:
-        """Log once each other vehicle on this link, and a second one with our number."""
+        """Log once each other vehicle on this link, and a second vehicle with our vehicle's
+        number.
+        """
         ours = self.identity.system_id
         self._named |= {one.identity.system_id or 0 for one in self.companions}
         for system_id in sorted(set(self.identity.others) - self._named):

@@ -1,7 +1,8 @@
 """Record which pulses a ground station's directory holds, for receipts after a restart.
 
-``received.bin``: 8 bytes, a random number of the store, then an 8-byte hash of each pulse's
-payload, written after the pulse. To a directory without it the drone sends the whole flight.
+``received.bin`` begins with 8 bytes, a random number that identifies the store. An 8-byte hash
+of each pulse's payload follows, written after the pulse itself. A directory without this file
+is a new store, and the drone sends it the whole flight.
 """
 
 import errno

@@ -38,7 +38,7 @@ from uavrt.localization.terrain.elevation import Elevation
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 SECTORS = 16
-"""Number of directions in a turn's SNR plot, as the original system's finest rotation."""
+"""Number of directions in a turn's SNR plot, as in the original system's finest rotation."""
 LIVE_AT_ONCE = {"bearing": 1, "position": 1, "survey": 1}
 """Maximum number of results of each kind computed in one estimate of a flight in progress,
 after the first estimate. Each takes some 80 ms of a core; further tags follow in turn."""
@@ -51,11 +51,13 @@ class AntennaChoice:
 
     pattern: str = "RA-23K"
     offset_deg: float = 0.0
-    """Boresight clockwise from the pulses' heading [deg]; 0 if the drone's settings hold it."""
+    """Boresight clockwise from the heading in the drone's pulses [deg]; 0 if the drone's
+    settings include the mounting."""
     heading_sigma_deg: float = COMMON.heading_sigma_deg
     """Error shared by all headings of a flight, one standard deviation [deg]."""
     height_sigma_m: float = SURVEY.height_sigma_m
-    """Standard deviation of the error shared by all heights above a tag [m]; monopole only."""
+    """Standard deviation of the error shared by all heights above a tag [m]; used with a
+    monopole."""
     dem: str = ""
     """Elevation file or folder; empty: the ground is taken as level."""
 

@@ -103,7 +103,10 @@ class FlightQueue:
             )
 
     def commit(self, *, at_once: bool = False) -> None:
-        """Write the queue, one second after a fault unless `at_once`; refused writes stay."""
+        """Write the queue to the disk, one second after a fault unless `at_once`.
+
+        Writes that the disk refuses stay in the queue.
+        """
         fault = self.fault
         if fault is not None and not self._reported:
             log.warning(

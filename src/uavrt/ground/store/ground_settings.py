@@ -36,7 +36,8 @@ from uavrt.localization.position.tuning import COMMON, SURVEY
 from uavrt.localization.terrain.elevation_files import open_elevation
 
 MOST_JOBS = 256
-"""Maximum number of writes queued while the disk does not answer: 16 a vehicle."""
+"""Maximum number of writes queued while the disk does not answer: 16 for each of 16 vehicles.
+"""
 MOST_NAME = 40
 """Maximum number of letters of a vehicle's name, which the page shows in its header."""
 
@@ -51,7 +52,8 @@ class GroundSettings:
     antenna: str = "RA-23K"
     antenna_offset_deg: float = 0.0
     heading_error_deg: float = COMMON.heading_sigma_deg
-    """Standard deviation of the error shared by a flight's headings [deg]; 0: none."""
+    """Error shared by all headings of a flight (compass, mounting, declination), one standard
+    deviation [deg]; 0: none."""
     height_error_m: float = SURVEY.height_sigma_m
     """With a monopole: error shared by all heights above a tag, one standard deviation [m]."""
     gain: int | None = None
@@ -158,7 +160,9 @@ class GroundStore:
 
     @property
     def archive(self) -> Path | None:
-        """Output of `uavrt batch`: from the settings, or among the flights; else None."""
+        """Directory that `uavrt batch` wrote: from the settings, or among the flights; else
+        None.
+        """
         if self.settings.archive:
             return Path(self.settings.archive)
         usual = self.directory / "archive"

@@ -1,4 +1,7 @@
-"""Cache of flight summaries, as reading thousands of databases takes seconds; deletable."""
+"""Cache of flight summaries on the disk, since reading thousands of databases takes seconds.
+
+The cache file can be deleted at any time.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

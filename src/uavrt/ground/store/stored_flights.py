@@ -78,7 +78,8 @@ _CELLS: dict[str, tuple[str, Callable[[Pulse], float]]] = {
     ),
     "clipped": ("coalesce(p.clipped, 0)", lambda pulse: pulse.clipped),
 }
-"""Conversions of non-numeric fields to numbers, as SQL expression and Python function."""
+"""Conversions of non-numeric fields to numbers, each as an SQL expression and as a Python
+function."""
 _SELECT_PULSES = (
     "SELECT "
     + ", ".join(

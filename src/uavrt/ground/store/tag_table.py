@@ -35,7 +35,8 @@ CODE_FIELDS = ("kind", "gaps_ms")
 """Columns of the page's table for coded tags only, whose interval is that between bursts."""
 KINDS = ("beeping", "coded")
 LEAST_BARE_PERCENT = 0.05
-"""Minimum false-alarm probability without a percent sign [%]; less is meant as a fraction."""
+"""Minimum false-alarm probability accepted without a percent sign [%]; a smaller number is
+probably meant as a fraction."""
 REQUIRED = ("id", "frequency_mhz", "interval_ms", "pulse_width_ms")
 REQUIRED_OF_CODES = ("id", "frequency_mhz", "interval_ms")
 MAX_ROWS = 500

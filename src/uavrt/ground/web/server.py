@@ -66,9 +66,11 @@ class ServerSettings:
     certificate: Path | None = None
     key: Path | None = None
     access_point: str | None = None
-    """Text by which phones join our Wi-Fi, ``WIFI:T:WPA;S:name;P:password;;``; or None."""
+    """Text by which phones join this computer's own Wi-Fi,
+    ``WIFI:T:WPA;S:name;P:password;;``; None without one."""
     drone_settings: Path | None = None
-    """``uavrt.toml`` of this computer's drone side, for its set-up; None: no set-up."""
+    """``uavrt.toml`` of the drone side on this computer, which the page may set up; None: no
+    set-up."""
 
 
 def listening_socket(settings: ServerSettings) -> ListeningSocket:

@@ -153,7 +153,9 @@ class Authority:
         self._end(reason, now_s)
 
     def planner_alive(self, now_s: float) -> None:
-        """Note that the guide process is alive; its silence ends an order."""
+        """Note that the guide process, which plans motions, is alive; its silence ends an
+        order.
+        """
         if self._order is not None:
             self._order.planner_alive(now_s)
 

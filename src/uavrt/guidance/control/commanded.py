@@ -273,7 +273,10 @@ class Commanded:
 def _left_of_heading(
     yaw_deg: float, ahead_deg: float, asked_deg: float | None, turning_deg_s: float
 ) -> Remaining:
-    """Remaining angle to the commanded heading, else to `ahead_deg`, NaN if too near."""
+    """Return the remaining angle to the commanded heading, else to the target's bearing.
+
+    The bearing `ahead_deg` is NaN if the target is too near.
+    """
     off = wrap_degrees_180((ahead_deg if asked_deg is None else asked_deg) - yaw_deg)
     stops_deg = turning_deg_s * abs(turning_deg_s) / (2.0 * SAFETY.turn_braking_deg_s2)
     return Remaining(

@@ -161,7 +161,10 @@ class ObservedVehicle:
         return None
 
     def on_ground(self, now_s: float) -> bool:
-        """True on the ground, as reported recently, or else by the height above home."""
+        """True if the vehicle is on the ground.
+
+        Without a recent report, its height above home decides.
+        """
         landed, position = self.landed, self.position
         fresh = landed is not None and now_s - landed.time_s <= SAFETY.landed_age_s
         if fresh and landed is not None and landed.on_ground is not None:
@@ -185,7 +188,10 @@ class ObservedVehicle:
 
 
 def ended_by(seen: Observation) -> str | None:
-    """Reason of a report that ends any order: failsafe, disarming, lost position; or None."""
+    """Return why a report ends any order: failsafe, disarming, or lost position.
+
+    None if it does not.
+    """
     match seen:
         case FailsafeReport():
             return f"failsafe: {seen.cause}"

@@ -31,16 +31,19 @@ class Offer:
     made_s: float
     mode: int
     rests: bool
-    """True if the vehicle then hovered in the mode for commands without an order."""
+    """True if, at the proposal, the vehicle hovered in the mode for commands without an
+    order."""
     target: TargetReport | None
-    """Target reported in the hover; a change shows another station's command."""
+    """Target reported by a hovering vehicle; a change shows that another station commands
+    it."""
     place: PositionReport
     home: HomeReport
     rc: RcWatch | None
     """Monitor of the remote control since the proposal; None without a remote control."""
     yaw: RestingYaw | None
     target_yaw: RestingYaw | None
-    """Monitors of a hovering vehicle's headings; None if moving or unknown."""
+    """Monitors of the heading and target heading of a hovering vehicle; None if it moves or the
+    heading is unknown."""
 
     def turned(self, seen: PositionReport | TargetReport) -> bool:
         """True if a report shows that another station or a pilot has turned the vehicle."""
@@ -92,7 +95,10 @@ class Offers:
         self._withdrawn, self._offer = None, offer
 
     def confirmed(self, order_id: int, nonce: int, now_s: float) -> Offer:
-        """Remove and return the proposed order; `CommandRefused` for another, or too late."""
+        """Remove and return the proposed order.
+
+        Raises `CommandRefused` if another order, or too late a confirmation, is given.
+        """
         offer, self._offer = self._offer, None
         if offer is None and self._withdrawn is not None and self._withdrawn[0] == nonce:
             raise CommandRefused(self._withdrawn[1], remedy=PILOT_FLIES)

@@ -73,11 +73,13 @@ class OrderWatch:
     sticks_unseen: bool
     """True if the operator has accepted that the RC sticks are not monitored."""
     flown: Commanded | None
-    """Previous order's command, flown until this order's first; None without one."""
+    """Command of the previous order that is flown until the first one of this order; None
+    without one."""
     motion: Commanded | None = None
     own_mode_seen: bool = False
     in_air_s: float | None = None
-    """Time since which a vehicle before its take-off is reported in the air [s]."""
+    """Time since which a vehicle that has not taken off is reported in the air [s]; None if it
+    is not."""
     jumps: JumpWatch = field(init=False)
 
     def __post_init__(self) -> None:
@@ -183,7 +185,10 @@ class OrderWatch:
         self.flown = None
 
     def overdue(self, vehicle: ObservedVehicle, now_s: float) -> str | None:
-        """What is overdue: report, guide, reaction to a command, progress; None if nothing."""
+        """Return what is overdue: a report, the guide, the reaction to a command, or progress.
+
+        None if nothing is.
+        """
         if now_s - self.planner_s > SAFETY.planner_lost_s:
             return "the guide process is silent"
         lost = vehicle.lost(now_s)

@@ -24,7 +24,8 @@ class Remaining:
     tolerance: float
     """Remaining distance or angle at which the motion counts as complete."""
     needed: bool = True
-    """False if `now` above `tolerance` may also be the end, and shows only progress."""
+    """False if the step may be complete with `now` above `tolerance`; `now` then only shows
+    progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,10 @@ class Progress:
         self._samples: deque[_Sample] = deque()
 
     def observe(self, time_s: float, *parts: Remaining, free: bool = False) -> None:
-        """Add remaining values, always in one order; `free`: no reason to brake yet."""
+        """Add the present remaining values; each call must give them in the same order.
+
+        `free` is True if the drone has no reason yet to brake for its target.
+        """
         if all(part.now <= part.tolerance for part in parts if part.needed):
             self._samples.clear()
             return

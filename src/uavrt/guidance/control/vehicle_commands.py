@@ -31,7 +31,10 @@ class VehicleCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandWriter:
-    """Converts motions to commands of an autopilot; refuses those beyond the limits."""
+    """Converts requested motions to commands for one kind of autopilot.
+
+    Motions beyond the limits are refused.
+    """
 
     behaviour: Behaviour
     lowest_m: float = 20.0
@@ -43,7 +46,11 @@ class CommandWriter:
     def command(
         self, manoeuvre: Manoeuvre, *, first: bool, datum_m: float, home: HomeReport | None
     ) -> VehicleCommand:
-        """Command of a motion, heights from `datum_m` [m]; `CommandRefused` beyond limits."""
+        """Return the command for a motion.
+
+        `datum_m` is the altitude to which heights relate [m]. Raises `CommandRefused` beyond
+        the limits.
+        """
         match manoeuvre:
             case FlyThere():
                 return self._fly_there(

@@ -55,7 +55,8 @@ class YawWatch:
     _step_deg: float = 0.0
     """Change of the heading between the last two reports [°]."""
     _courses: deque[tuple[float, float, float]] = field(default_factory=deque)
-    """(time [s], heading [°], course [°]) of reports in `SAFETY.course_follow_s`."""
+    """(time [s], heading [°], course over ground [°]) of each report in the last
+    `SAFETY.course_follow_s`."""
     _turn_s: float = field(init=False)
     """Time from which an earlier turn may still continue [s]: that of the command, or the last
     at which the heading setpoint passed its aim."""
@@ -316,7 +317,8 @@ class RestingYaw:
 
     start_boot_s: float
     yaw_deg: float
-    """Heading to keep [°]: that at the start, or of a turn completed since."""
+    """Heading that the drone should keep [°]: that at the start, or that of a turn completed
+    since."""
     turning_deg_s: float
     tolerance_deg: float
     _moved_boot_s: float = -1.0

@@ -40,7 +40,10 @@ _KEEP_OUT_REMEDY = (
 
 
 def area_in(text: str, name: str) -> tuple[Place, ...]:
-    """Corners of a text's only area; `FormatError` unless there is exactly one."""
+    """Return the corners of the only area to search in a file's text.
+
+    Raises `FormatError` if there is not exactly one.
+    """
     with in_words(f"{name} contains no usable area", _REMEDY):
         outlines = [one for one in _read(text) if not one.keep_out]
         if len(outlines) != 1:
@@ -154,7 +157,10 @@ def _kept(one: _Outline) -> KeepOut:
 
 
 def circle(center: Place, radius_m: float) -> tuple[Place, ...]:
-    """Corners of a polygon near a circle; `FormatError` unless its radius is positive [m]."""
+    """Return the corners of a polygon that approximates a circle.
+
+    Raises `FormatError` unless the radius is positive [m].
+    """
     if not 0.0 < radius_m < 1e5:
         raise FormatError(
             f"the circle's radius is {radius_m:g} m, but must be above 0",
@@ -211,7 +217,10 @@ def _not_understood(name: str, kind: object) -> ValueError:
 
 
 def _of_plan(found: Any) -> Iterator[_Outline]:
-    """Yield a QGroundControl plan's survey areas, else inclusion fences, then exclusions."""
+    """Yield the survey areas of a QGroundControl plan, then its exclusion fences.
+
+    Without a survey, the inclusion fences replace it.
+    """
     surveyed = [
         _Outline(corners=[(north, east) for north, east, *_ in item["polygon"]], mixed=False)
         for item in found.get("mission", {}).get("items", [])

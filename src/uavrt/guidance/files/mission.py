@@ -29,7 +29,8 @@ CORNER_WITHIN, CORNER_OUTSIDE, CIRCLE_WITHIN, CIRCLE_OUTSIDE = 5001, 5002, 5003,
 """MAV_CMD numbers of fence corners and circles, inclusion and exclusion."""
 FULL_SCALE_DEG = 1e7
 _SAME_FRAMES = {5: 0, 6: 3}
-"""MAV_FRAME numbers GLOBAL_INT, GLOBAL_RELATIVE_ALT_INT, and their older numbers."""
+"""MAV_FRAME numbers GLOBAL_INT and GLOBAL_RELATIVE_ALT_INT, and the older numbers with the same
+meaning."""
 _SAME_PLACE, _SAME_HEIGHT_M = 1, 0.011
 """Tolerances when items are read back [1e-7 deg; m]; ArduPilot stores whole centimetres."""
 _REMEDY = "Draw the vehicle's fence again in QGroundControl, and upload it"
@@ -53,7 +54,10 @@ class MissionItem:
     def at(
         cls, command: int, frame: int, place: Place, height_m: float = 0.0, first: float = 0.0
     ) -> "MissionItem":
-        """Item at a position; `first` is parameter 1. The heading is left to the autopilot."""
+        """Return an item at a position. `first` is its parameter 1.
+
+        A waypoint leaves the heading to the autopilot.
+        """
         return cls(
             command=command,
             frame=frame,

@@ -18,7 +18,10 @@ _REMEDY = "Give a QGroundControl plan (.plan), GeoJSON or KML file"
 
 
 def path_in(text: str, name: str) -> tuple[Place, ...]:
-    """Positions of the path in a file's text, if any; may raise `FormatError`."""
+    """Return the positions of the path in a file's text, empty if it has none.
+
+    Raises `FormatError`.
+    """
     with in_words(f"{name} contains no usable path", _REMEDY):
         kml = text.lstrip("\ufeff \t\r\n")[:1] == "<"
         places = tuple(_of_kml(text) if kml else _of_json(read_json(text, SHAPES)))

@@ -33,11 +33,16 @@ class SwitchSchedule:
     """Index of a sample at which the antenna switch changes to position 0."""
 
     def __post_init__(self) -> None:
-        if self.positions < 2 or not 0 <= self.settle_samples < self.dwell_samples:
+        if self.positions < 2:
             raise UsageError(
-                f"the antenna switch has {self.positions} positions of {self.dwell_samples} "
-                f"samples, and settles for {self.settle_samples} samples",
-                remedy="Give two or more positions, and a shorter time to settle",
+                f"the antenna switch has {self.positions} positions",
+                remedy="Give two or more positions",
+            )
+        if not 0 <= self.settle_samples < self.dwell_samples:
+            raise UsageError(
+                f"the settling time of {self.settle_samples} samples must be at least 0 and "
+                f"shorter than the {self.dwell_samples} samples at each position",
+                remedy="Set a shorter settling time, or a longer stay",
             )
 
     def visits(self, first_sample: int, count: int) -> NDArray[np.intp]:

@@ -171,8 +171,8 @@ class Peaks:
 
 
 def _spread(count: _Floats, sums: _Floats, squares: _Floats) -> float:
-    """Share of the flight's time that has much weight, averaged over positions; 1 for equal
-    weights.
+    """Effective duration of the pulse weights as a share of the flight, averaged over
+    positions: √12 times the standard deviation of time under the weights, at most 1.
     """
     some = np.maximum(count, 1e-30)
     variance = np.maximum(squares / some - (sums / some) ** 2, 0.0)

@@ -153,7 +153,10 @@ class SourcePace:
         delays.append((received_s, delay_s))
 
     def _line(self, begin_s: float) -> tuple[float, float]:
-        """Fit slope [s/s] and relative scatter of the smallest delays, without stalls."""
+        """Fit a line to the smallest delays of the periods since `begin_s`; return its slope
+        [s/s] and the scatter around it, divided by the expected scatter. Unusually late periods
+        are excluded.
+        """
         settled = [point for point in self._delays if point[0] >= begin_s]
         at_s, delay_s = np.array(settled).T
         delay_s = np.minimum.accumulate(delay_s[::-1])[::-1][:-_UNSETTLED_BINS]

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     import duckdb
 
 _LIMITS = {"threads": "1", "memory_limit": "100MB", "temp_directory": ""}
-"""DuckDB settings: one thread and 100 MB, so that no query delays pulses' reception.
+"""DuckDB settings: one thread and 100 MB, so that queries do not delay the ground station's
+reception of pulses.
 
 10 million rows need 50 MB."""
 _FLOWN = """

@@ -1,4 +1,5 @@
-"""Record each finished recording and flight in its own file: crashes lose no work.
+"""Record each finished recording and flight in a file of its own, so that a crash loses no
+finished work.
 
 A row is written after its tables have reached the disk, and contains their digests. So after a
 crash or power cut every row has complete tables. Tables without a row are removed, and a row
@@ -30,7 +31,7 @@ R = TypeVar("R", RecordingRow, FlightRow)
 ASIDE = "damaged"
 """Folder below the output to which damaged row files and their tables are moved."""
 _TABLE = re.compile(r"[0-9a-f]{16}\.parquet")
-"""Pattern of a table's file name: the key of its processing step (`step_keys`)."""
+"""Pattern of a table's file name: its step's key (`step_keys`) and an extension."""
 
 
 class _Entry(msgspec.Struct, frozen=True):
@@ -76,12 +77,16 @@ class Ledger(Generic[R]):
         return sorted(self._rows.values(), key=lambda row: (row.path, row.finished_time_ns))
 
     def done(self, key: str) -> R | None:
-        """Row of successful work by the hash of its inputs; None if failed or not done."""
+        """Return the row of successful work; `key` is a hash of its inputs. None if it failed
+        or was not done.
+        """
         row = self._rows.get(key)
         return None if row is None or row.state == "failed" else row
 
     def of(self, path: str) -> R | None:
-        """Newest successful row of a recording or flight with any settings; or None."""
+        """Return the newest successful row of a recording or flight, whatever its settings;
+        None if there is none.
+        """
         done = filter(None, map(self.done, self._keys.get(path, ())))
         return max(done, key=lambda row: row.finished_time_ns, default=None)
 
@@ -161,8 +166,10 @@ class Ledger(Generic[R]):
                 yield name, fault
 
     def _remove_strays(self) -> None:
-        """Remove tables that belong to no row. If damaged rows were moved aside, now or in an
-        interrupted run, tables may belong to them and stay, as do other programs' files.
+        """Remove tables that belong to no row, unless damaged rows were moved aside.
+
+        If this run or an interrupted one moved damaged rows aside, the tables may belong to
+        them and are not removed. Files of other programs are never removed.
         """
         unreadable = (self._output / ASIDE / self._directory.name).exists()
         known = {name for held in self._files.values() for name in held}

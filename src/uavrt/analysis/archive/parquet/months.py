@@ -50,7 +50,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 LEAST_FILES = 100
-"""Number of new table files from which they are copied into monthly files."""
+"""Number of new table files from which they are copied into monthly files; fewer are opened one
+by one."""
 _GROUP_ROWS = 50_000
 _INTERRUPTED_S = 0.5
 """Longest wait for an interrupted query [s]; some steps of DuckDB ignore interrupts."""
@@ -79,8 +80,9 @@ def gather_months(
     least_files: int = LEAST_FILES,
     lost: bool = False,
 ) -> Index:
-    """Update the monthly files with newly written tables; return the new index. Fewer than
-    `least_files` new ones are not copied, unless monthly files were `lost`.
+    """Update the monthly files with newly written tables; return the new index.
+
+    Fewer than `least_files` new files are not copied, unless monthly files were `lost`.
     """
     kept = dict(index)
     for table, times in tables.items():
@@ -139,8 +141,10 @@ def _name(table: str, month: str, keys: list[str]) -> str:
 
 
 def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) -> T:
-    """Run a query on a new DuckDB connection, in a thread, so that Ctrl-C can end it at once;
-    DuckDB itself checks for signals only between tasks, after minutes.
+    """Run a query on a new DuckDB connection that Ctrl-C can end at once.
+
+    The query runs in another thread. DuckDB checks for signals only between the tasks of a
+    query, which may take minutes.
     """
     with needs_extra("batch", "An archive"):
         import duckdb
@@ -172,14 +176,16 @@ def in_duckdb(query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str) 
 
 
 def _end_during_query(thread: Thread) -> None:
-    """Exit at once if a query still runs: the interpreter's exit would crash in DuckDB."""
+    """Exit the process at once if a query still runs; a normal exit crashes in DuckDB."""
     if thread.is_alive():
         sys.stdout.flush()
         os._exit(128 + signal.SIGINT)
 
 
 def _copy(output: Path, table: str, name: str, keys: list[str]) -> Copy:
-    """Write the rows of many files into one, sorted by tag and time, if needed on the disk."""
+    """Write the rows of many files into one file, sorted by tag and time. DuckDB sorts on the
+    disk if memory is short.
+    """
     files = [output / table / f"{key}.parquet" for key in keys]
     target = output / name
     make_directories(target.parent)

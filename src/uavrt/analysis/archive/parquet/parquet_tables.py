@@ -74,7 +74,7 @@ class FlightRow:
     fingerprint: str
     state: str
     fault: str | None
-    """Why the flight, or some of its tags, have no poses, bearings or positions."""
+    """Reason why the flight or some of its tags have no poses, bearings or positions."""
     start_time_ns: int | None
     steps: str
     antenna: str
@@ -104,7 +104,8 @@ class PoseRow:
     recording: str
     tag_id: int
     start_time_ns: int
-    """Start of the pulse [ns]; identifies it in the pulse table with recording and tag."""
+    """Start of the pulse [ns]. Recording, tag and start together identify the pulse in the
+    table of pulses."""
     time_ns: int
     latitude_deg: float
     longitude_deg: float
@@ -229,7 +230,8 @@ def schema_of(record: type, *, flight: bool = False) -> "pa.Schema":
 
 
 def _for_pandas(kinds: Mapping[str, str]) -> str:
-    """Metadata by which pandas uses nullable types, so that columns keep them with nulls.
+    """Return metadata that make pandas use nullable types, so that columns keep their type in
+    spite of nulls.
 
     See https://pandas.pydata.org/docs/development/developer.html.
     """
@@ -249,7 +251,9 @@ def _for_pandas(kinds: Mapping[str, str]) -> str:
 def write_pulses(
     path: Path, pulses: Sequence[tuple[int, Pulse]], recording: str, flight: str
 ) -> FileFingerprint:
-    """Write pulses with the numbers of their cells, in the given order. Raises `OSError`."""
+    """Write a table of pulses in the given order, each with the number of the piece of its
+    recording (cell). Raises `OSError` if the file cannot be written.
+    """
     more: dict[str, list[Any]] = {
         "recording": [recording] * len(pulses),
         "cell": [number for number, _ in pulses],

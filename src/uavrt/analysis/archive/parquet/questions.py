@@ -116,7 +116,7 @@ def check_archive(archive: Path) -> None:
 def in_archive(
     archive: Path, query: Callable[["duckdb.DuckDBPyConnection"], T], **limits: str
 ) -> T:
-    """Call `query` with a DuckDB connection to an archive; DuckDB's errors become ours."""
+    """Call `query` with a DuckDB connection to an archive; convert errors to uavrt's."""
     with needs_extra("batch", "An archive"):
         import duckdb
     check_archive(archive)
@@ -176,7 +176,9 @@ def keep_answers(archive: Path, index: Index) -> Index:
 
 
 def kept_answer(archive: Path, name: str) -> Path | None:
-    """Path of a query's cached result in `KEPT`; None without one for the present pulses."""
+    """Path of the cached result of a query in `KEPT`; None if there is none for the present
+    pulse tables.
+    """
     place = _place(archive, name)
     return archive / place if place in read_index(archive)[0] else None
 

@@ -23,7 +23,8 @@ class BatchSettings:
     lead_in_s: float = LEAD_IN_S
     workers: int = 1
     scheduler: str | None = None
-    """Address of a Dask scheduler, such as tcp://HOST:PORT; None: this computer's cores."""
+    """Address of a Dask scheduler, such as tcp://HOST:PORT; None to use this computer's
+    cores."""
     verify: bool = False
     """True to read all output of earlier runs and compute damaged parts again."""
     placing: PlacingSettings = field(default_factory=PlacingSettings)
@@ -61,11 +62,13 @@ class BatchWatch:
     """Function called with each recording or flight that is not reachable now, and the reason;
     its earlier results are kept."""
     on_damage: Callable[[str, str], None] = lambda _name, _fault: None
-    """Receives each missing or damaged output file and the reason; it is written again."""
+    """Function called with each missing or damaged output file, and the reason; the file is
+    written again."""
     on_wait: Callable[[str], None] = lambda _text: None
-    """Receives a message for the user on what the run waits for and what to do."""
+    """Function called with a user message on what the run waits for and what to do."""
     on_origin: Callable[[str, str], None] = lambda _name, _origin: None
-    """Receives each recording whose file has no start time, and the source of the time."""
+    """Function called with each recording whose file has no start time, and the source of the
+    time used instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

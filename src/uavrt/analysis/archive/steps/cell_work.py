@@ -23,7 +23,7 @@ from uavrt.radio.files.recording_source import RecordingSource
 
 
 class CellResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Result of one cell: pulses, signals that differ from the tag list, counters."""
+    """Result of one cell: pulses, signals that differ from the tag list, and counters."""
 
     number: int
     pulses: list[Pulse] = msgspec.field(default_factory=list)
@@ -61,7 +61,9 @@ class CellTask:
     def work(
         self, should_stop: Callable[[], bool], on_done: Callable[[int], None]
     ) -> CellResult | None:
-        """Detect the cell's pulses; None if stopped. `on_done` gets numbers of samples."""
+        """Detect pulses in the cell; return None if stopped. `on_done` is called with numbers
+        of searched samples.
+        """
         cell, began_s = self.cell, time.process_time()
         pulses: list[Pulse] = []
         beeps: list[Beep] = []

@@ -130,7 +130,7 @@ class _Cluster:
             )
 
     def result(self, future: "Future[R | None]", task: Task[R]) -> R | None:
-        """Result of a finished task; `LinkError` if the scheduler's connection is lost."""
+        """Result of a task. Raises `LinkError` if the connection to the scheduler is lost."""
         with _scheduler_there():
             try:
                 return future.result()

@@ -104,7 +104,9 @@ class Detecting:
         return row
 
     def _take_known(self, recording: Recording) -> bool:
-        """Use the last results of a recording not searched in this run; False without any."""
+        """Use the last results of a recording that is not searched in this run; return False if
+        there are none.
+        """
         known = self._ledger.of(recording.name)
         if known is not None:
             self.keys[recording.path] = known.fingerprint

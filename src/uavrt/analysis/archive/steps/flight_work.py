@@ -47,7 +47,8 @@ class PlacingSettings(EstimationOptions):
     """Settings for bearings and positions, as in `uavrt localize`."""
 
     antenna: str | None = None
-    """Antenna pattern, pattern file, or monopole; None: that in the drone's settings."""
+    """Name of an antenna pattern, path of a pattern file, or monopole; None for the antenna in
+    the drone's settings."""
     dem: str | None = None
     """Elevation file, or folder of such files; None assumes level ground."""
     sea: bool = False
@@ -194,7 +195,7 @@ def _place(task: FlightTask) -> FlightResult:
 def _integrated(
     task: FlightTask, flight: Flight, antenna: str
 ) -> tuple[tuple[IntegratedVerdict, ...], str | None]:
-    """Whole-flight results of tags with a recorded channel; errors as text or None."""
+    """Whole-flight results of tags with a recorded channel, and errors as text or None."""
     from uavrt.analysis.inputs.flown_with import antenna_is_recorded
     from uavrt.analysis.integrated.hindsight import verdict_of
     from uavrt.analysis.whole_flights.judged_flights import WholeFlightOptions
@@ -224,7 +225,9 @@ def _integrated(
 
 
 def _attached(task: FlightTask) -> tuple[Flight | None, tuple[PulsePose, ...], float | None]:
-    """Attach poses to a task's pulses; return flight or None, pulses, and clock offset [s]."""
+    """Attach poses to a task's pulses; return the flight if there is one, the pulses, and the
+    clock offset [s].
+    """
     pulses = [pulse for one in task.searched for pulse in one.pulses]
     if task.is_flight:
         flight = read_flight(task.path)

@@ -1,4 +1,5 @@
-"""Divide recordings into cells of equal duration, whatever the number of workers.
+"""Divide recordings into cells of equal duration, so that results do not depend on the number
+of workers.
 
 The detector restarts in each cell. It also reads a lead-in before the cell, two minutes by
 default, so that noise estimates and tracks have settled when the cell begins.
@@ -25,7 +26,7 @@ class Cell:
     """Index in the file of the first sample to read; pulses count only from `begin_ns`."""
     end: int
     begin_ns: int | None
-    """Time from which pulses count [ns]; None: from the recording's first sample."""
+    """Time from which pulses count [ns]; None for the recording's first sample."""
 
 
 def cells_of(
@@ -35,8 +36,9 @@ def cells_of(
     cell_s: float = CELL_S,
     lead_in_s: float = LEAD_IN_S,
 ) -> list[Cell]:
-    """Divide a recording into cells, each with a lead-in before it; cells are counted from the
-    first sample of `segments`, with lost samples as time.
+    """Divide a recording into cells, each with a lead-in before it.
+
+    Cells are counted from the first sample of `segments`; lost samples count as time.
     """
     held = [one for one in segments if one.count]
     if not held:
@@ -64,7 +66,7 @@ def cells_of(
 
 
 def _place(held: Sequence[Segment], sample_rate_hz: float, index: int) -> tuple[int, int]:
-    """Position in the file and time of the first existing sample from a sample index on."""
+    """Position in the file and time of the first existing sample at or after an index."""
     done = 0
     for segment in held:
         if index < segment.sample_index + segment.count:

@@ -43,7 +43,10 @@ def run_tasks(
     should_stop: Callable[[], bool] = lambda: False,
     on_done: Callable[[int], None] = lambda _count: None,
 ) -> Iterator[tuple[int, R]]:
-    """Run tasks in `workers` processes (1: in this one); yield each number and result."""
+    """Run tasks in `workers` processes; yield the number and the result of each finished task.
+
+    If `workers` is 1, the tasks run in this process.
+    """
     if workers <= 1:
         for number, task in enumerate(tasks):
             result = run_here(task, should_stop, on_done)
@@ -96,7 +99,8 @@ def run_in_pool(
     should_stop: Callable[[], bool],
     on_done: Callable[[int], None],
 ) -> Generator[tuple[int, R], None, Unfinished]:
-    """Run tasks in a pool; yield each number and result, and return the unfinished.
+    """Run tasks in a pool; yield the number and result of each finished task, and return the
+    unfinished tasks.
 
     When the run is to stop, running tasks are abandoned; the next run repeats them.
     """

@@ -98,7 +98,10 @@ class Bursts:
         self._kept = held
 
     def around(self, track: Track, found: Measured) -> BurstRates:
-        """Rates of others' bursts around a track's expected pulse, without the track's own."""
+        """Rates of other transmitters' bursts around an expected pulse of a track.
+
+        The track's own pulses are excluded.
+        """
         time_s, row, power = self._kept
         if not len(time_s):
             return QUIET

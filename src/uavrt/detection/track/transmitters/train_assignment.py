@@ -130,8 +130,10 @@ def losses(
 def _path_losses(
     able: Sequence[Mapping[int, float]], chosen: Sequence[int | None], owner: Mapping[int, int]
 ) -> NDArray[np.float64]:
-    """Smallest loss of value, by pair of trains, if the first gets the tag of the second, with
-    further changes; last row and column: unassigned tags, trains without a tag.
+    """Smallest loss of value, by pair of trains, if the first gets the tag of the second.
+
+    The last row and column represent unassigned tags and trains without a tag. A loss may
+    include further changes of tags.
     """
     free = len(able)
     loss_of = np.full((free + 1, free + 1), np.inf)

@@ -32,9 +32,11 @@ from uavrt.detection.track.transmitters.trains import (
 from uavrt.detection.track.tuning import BOUNDS, SENDERS
 
 _Properties = tuple[float, float, float, tuple[tuple[int, bool], ...]]
-"""Interval of a train and its standard deviation [s], frequency [Hz], detectors."""
+"""Properties of a train: interval and its standard deviation [s], frequency [Hz], and
+detectors."""
 _Assignment = tuple[int, int, tuple[int, ...], bool]
-"""Train's index, its tag, other possible tags; True if competitors are confirmed."""
+"""Result for one train: its index, its tag, other possible tags, and True if all competitors
+are confirmed."""
 
 
 def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
@@ -62,7 +64,11 @@ def interval_separation(one: Tag, two: Tag) -> "IntervalSeparation":
 
 
 def small_ratio(one: Tag, two: Tag) -> tuple[int, int] | None:
-    """Ratio of intervals if 2:1, 3:1 or 3:2, where common pulses fit both tags; or None."""
+    """Ratio of two tags' intervals if it is 2:1, 3:1 or 3:2; None otherwise.
+
+    At such a ratio of the longer to the shorter interval, the common pulses of both trains fit
+    both tags.
+    """
     pairs = [
         ((a, _bound_s(one, a)), (b, _bound_s(two, b)))
         for a in one.pulse_intervals_s
@@ -84,11 +90,13 @@ class IntervalSeparation:
     gap_s: float
     """Difference between the nearest intervals of two tags in one band [s]."""
     certain: bool
-    """True if each of two tags, received alone, is identified within its errors."""
+    """True if each of two tags, received alone, is identified while its errors are in
+    bounds."""
     uncertainty_s: float
     """Interval uncertainty in the tag list below which both tags are identified [s]."""
     pulses: int | None
-    """Pulses needed to distinguish the intervals; None if they drift by more."""
+    """Number of pulses needed to distinguish the intervals; None if the intervals drift by more
+    than they differ."""
     seconds: float | None
 
 
@@ -100,7 +108,8 @@ class _Learnt:
     bound: float
     """Relative uncertainty of the tag's measured interval."""
     otherwise_ns: float | None = None
-    """Time of the first pulse at another than the stored interval [ns]; None: never."""
+    """Time at which the tag was first received with an interval other than the stored one [ns];
+    None: never."""
 
 
 class ConfirmedPulses:
@@ -193,8 +202,10 @@ class Senders(Generic[H]):
     def _drop_begun_by_others(
         self, trains: list[Train[H]], given: list[tuple[Train[H], int, tuple[int, ...], bool]]
     ) -> bool:
-        """Drop tracks begun or confirmed only by pulses of other tags; True if any were. Two
-        strong pulses of another tag, with noise, make and confirm a group of any tag.
+        """Drop tracks begun or confirmed only by pulses of other tags; return True if any were.
+
+        One strong pulse, with the largest noise one interval before and after it, makes a group
+        for any tag. A second strong pulse at one of its expected times would confirm the group.
         """
         dropped: set[int] = set()
         unsettled = [

@@ -1,7 +1,8 @@
 """Merge tracks of several detectors into trains: the pulses of one transmitter.
 
-Tracks with common pulses are merged. The one that explains most pulses describes the train,
-since a track of one in three may have another interval.
+Tracks of detectors with overlapping bands are merged if they have pulses in common. The train
+is described by the track that explains most pulses, because a track with only one of three
+expected pulses may have another interval, or belong to several trains.
 """
 
 import math

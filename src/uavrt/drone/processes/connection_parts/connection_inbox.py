@@ -91,7 +91,8 @@ class ConnectionInbox:
         self._poses, self._pulses, self._status = poses, pulses, status
         self._parameters, self._motion, self._ask = parameters, motion, ask
         self.system: SystemStatus | None = None
-        """Latest status; None until known, so that no idle drone is reported."""
+        """Latest status of the system; None until the supervisor sends it, so that a restarted
+        connection does not report an idle drone."""
         self._payloads: dict[int, _Handler] = {
             PLAIN_INSIDE: self._receive_command,
             RECEIPT_INSIDE: self._receive_receipt,

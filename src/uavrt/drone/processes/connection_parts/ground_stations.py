@@ -33,7 +33,10 @@ class GroundStations:
         self._asked_on[peer.place] = peer.link
 
     def commander(self, source: str | None) -> None:
-        """Set the station in command from a source ``mavlink SYSTEM/COMPONENT``, no other."""
+        """Set the station in command from a command's source, ``mavlink SYSTEM/COMPONENT``.
+
+        Other sources are ignored.
+        """
         if source is None or not source.startswith(MAVLINK_SOURCE):
             return
         system_id, _, component_id = source.removeprefix(MAVLINK_SOURCE).partition("/")
@@ -61,7 +64,10 @@ class GroundStations:
         return self._limits.admits(place, self._now_ns(), answers=answers)
 
     def admits_file_request(self, peer: Peer, *, detecting: bool) -> bool:
-        """True if the limits allow a file request; stricter without a seal if `detecting`."""
+        """True if the rate limits allow a file request.
+
+        If the drone has a key, unauthenticated stations have a lower limit while `detecting`.
+        """
         proof = not (self.gate.locked and detecting) or self.gate.asks_for_files(peer.place)
         return self._limits.admits_file_request(peer.place, self._now_ns(), proof=proof)
 
@@ -75,7 +81,10 @@ class GroundStations:
             self._link.tunnel.rate_of(peer.link).acknowledged(trip_s, self._now_ns())
 
     def silent_s(self) -> dict[Place, float]:
-        """Time since each station's last message, sealed if it seals any [s]."""
+        """Time since each station's last message [s].
+
+        For a station that sends sealed (authenticated) messages, only these count.
+        """
         return self._link.stations_silent_s() | self.gate.silent_s()
 
     def answer(self, answer: Answer | None, *, urgent: bool = True) -> None:

@@ -33,10 +33,10 @@ from uavrt.link.tunnel.own_messages.beep import BEEP_TYPE, encode_beep
 
 HEARTBEAT_NS = ns_from_s(1.0)
 COMPUTER_NS = ns_from_s(10.0)
-"""Time between reports of the computer's load [ns]; 2 % of the slowest link."""
+"""Time between reports of the computer's load [ns]; they take 2 % of the slowest link."""
 FAULTS_NS = ns_from_s(2.0)
 FAULT_REPEAT_NS = ns_from_s(30.0)
-"""Time between reports of a lasting fault [ns]; below 1 % of the slowest link."""
+"""Time between reports of a lasting fault [ns]; they take less than 1 % of the slowest link."""
 SEARCH_REPORT_NS = ns_from_s(5.0)
 """Shortest time between search reports about a tag [ns], to leave room for pulses."""
 ALIVE_NS = ns_from_s(3.0)
@@ -44,9 +44,9 @@ ALIVE_NS = ns_from_s(3.0)
 waits K + 1 pulse intervals plus 1 s for one, about 6 s, where K is the number of pulses that
 are searched together."""
 ALIVE_PER_TAG_NS = ns_from_s(0.1)
-"""Shortest time between detector heartbeats of two tags [ns]: 10 a second in sum."""
+"""Shortest time between detector heartbeats of two tags [ns]; limits the sum to 10 a second."""
 BEEP_NS = ns_from_s(5.0)
-"""Time between reports about unlisted senders [ns], one sender each, in turn."""
+"""Time between reports about unlisted beeping senders [ns]; each describes one, in turn."""
 THERMAL_ZONE = Path("/sys/class/thermal/thermal_zone0/temp")
 UNKNOWN_U8 = 0xFF
 UNKNOWN_I8 = 127
@@ -145,7 +145,10 @@ class GroundStatus:
         *,
         new_station: bool,
     ) -> None:
-        """Repeat the texts of lasting faults; with `new_station`, send all at once."""
+        """Repeat the texts of lasting faults, for stations that did not receive them.
+
+        With `new_station`, send all of them at once.
+        """
         if not new_station and not self._due("faults", FAULTS_NS, now_ns):
             return
         for fault in (*map(_fault_of, filter(lambda one: one.reason, processes)), *others):

@@ -13,11 +13,12 @@ from uavrt.core.units import ns_from_s
 from uavrt.link.mavlink.dialect import NamedValueFloat
 
 PERIOD_NS = ns_from_s(0.25)
-"""Time between two NAMED_VALUE_FLOAT messages [ns]; a tenth of the slowest link."""
+"""Time between two NAMED_VALUE_FLOAT messages [ns]; they take a tenth of the slowest link."""
 TAG_PERIOD_NS = ns_from_s(1.0)
 """Time between two NAMED_VALUE_FLOAT messages about the same tag [ns]."""
 FRESH_NS = ns_from_s(5.0)
-"""Age at which an unsent SNR and count is dropped [ns]; newer ones follow."""
+"""Age from which an unsent SNR and pulse count is dropped [ns]; the next pulse brings newer
+ones."""
 NS_PER_MS = 1_000_000
 NAME_BYTES = 10
 DECIMAL_BELOW = 10 ** (NAME_BYTES - len("SNR_"))

@@ -27,18 +27,22 @@ FIXED_PERIOD_S = 0.5
 CLOSEST_NS = ns_from_s(0.02)
 """Shortest time between two used GPS positions [ns]; 1 to 20 arrive a second."""
 SILENCE_NS = ns_from_s(5.0)
-"""Age of a GPS position that is too old to use [ns]; one arrives each second."""
+"""Age from which a GPS position is too old to use [ns]; receivers send at least one a
+second."""
 ALTITUDE_HOLDS_NS = ns_from_s(3.0)
 """Time after a position with altitude in which those without are dropped [ns]."""
 WATCH_PERIOD_S = 3.0
-"""Time between requests to a silent gpsd [s], as needed after its restart."""
+"""Time between data requests to a silent gpsd [s], which needs a new one after a restart."""
 GPSD = "127.0.0.1:2947"
 WAIT_S = 1.5
 """Longest time that a pulse waits for the GPS receiver's next position [s]."""
 
 
 def pose_address(settings: PoseSettings) -> Address | None:
-    """The GPS receiver's address, None for a fixed station; `ConfigError` for bad settings."""
+    """Return the GPS receiver's address, or None for a fixed station.
+
+    Raises `ConfigError` if the settings lack or contradict it.
+    """
     if settings.source == "fixed":
         missing = [
             name

@@ -68,7 +68,9 @@ class ParameterHandler:
         *,
         sealed: bool = False,
     ) -> None:
-        """Handle a parameter request; `refusal`: why setting is forbidden, or None."""
+        """Handle a request to list, read or set parameters; `refusal`: why setting is
+        forbidden, or None.
+        """
         answer = self._server.receive(message)
         if isinstance(answer, list):
             for value in answer:

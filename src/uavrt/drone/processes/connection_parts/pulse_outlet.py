@@ -28,7 +28,8 @@ log = get_logger()
 
 REFILL = 512
 FLIGHTS = 4
-"""Number of flights whose undelivered pulses are sent; as for the recorder."""
+"""Number of flights whose undelivered pulses are still sent; the recorder has the same
+limit."""
 RECENT = 2_000
 RECENT_NS = ns_from_s(60.0)
 """Time for which the last `RECENT` delivered pulses are remembered [ns]. The recorder commits
@@ -84,7 +85,10 @@ class PulseOutlet:
     def receipt(
         self, payload: bytes, place: tuple[int, int], now_ns: int
     ) -> tuple[bool, float | None]:
-        """Handle a receipt; return (station is confirmed, round trip [s] or None)."""
+        """Handle a station's receipt; return (valid, round trip).
+
+        The first is True for a confirmed station, the second is a time [s] or None.
+        """
         try:
             receipt = Receipt.decode(payload)
         except TunnelError as error:

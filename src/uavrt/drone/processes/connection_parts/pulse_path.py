@@ -22,7 +22,8 @@ from uavrt.link.tunnel.drone_exchange import Exchange
 log = get_logger()
 
 FIRST_REFILL_NS = 4_000_000_000
-"""Time until unsent pulses are read from disk [ns]; the recorder commits first."""
+"""Time from the start until unsent pulses are read from disk [ns]; the recorder must commit
+first."""
 
 
 class PulsePath:

@@ -52,7 +52,10 @@ class StationLimits:
         return place == self._commander
 
     def admits_file_request(self, place: Place, now_ns: int, *, proof: bool = True) -> bool:
-        """True if the limits allow a file request; `proof`: authenticated, or no need."""
+        """True if the limits allow a file request.
+
+        `proof` is True if the request is authenticated or needs no authentication.
+        """
         allowance = self._files if proof else self._open_files
         admitted = (proof and place == self._commander) or allowance.take(now_ns)
         self.dropped += not admitted

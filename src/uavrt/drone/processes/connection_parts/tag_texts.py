@@ -13,7 +13,9 @@ or two missed groups of pulses."""
 
 
 class TagTexts:
-    """Decides when to report a tag; an unsent text is due again at the next pulse."""
+    """Decides when to report that a tag is received; an unsent text is due at
+    the next pulse.
+    """
 
     def __init__(self, tags: Iterable[Tag] = ()) -> None:
         self.begin_flight(tags)
@@ -33,7 +35,10 @@ class TagTexts:
                 del self._due[tag_id]
 
     def text(self, pulse: Pulse) -> str | None:
-        """Handle a pulse; return the text about its tag, None if it is not confirmed or due."""
+        """Handle a pulse; return the text to send about its tag, or None.
+
+        Only confirmed pulses count.
+        """
         if not pulse.confirmed:
             return None
         tag_id = pulse.tag_id

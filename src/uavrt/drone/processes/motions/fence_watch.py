@@ -49,7 +49,10 @@ class FenceWatch:
             self._end(download)
 
     def tick(self, now_s: float, *, resting: bool) -> None:
-        """Send requests that are due; a download begins only while `resting` (no order)."""
+        """Send download requests that are due.
+
+        A download begins only while no order is flown (`resting`).
+        """
         if self._download is None and resting and now_s >= self._next_s:
             own = self._place()
             peer = Peer(own[0], MavComponent.COMP_ID_AUTOPILOT1)

@@ -111,7 +111,10 @@ class MotionControl:
             self._changed(now_s)
 
     def wake(self, now_s: float, *, turn: bool = False) -> None:
-        """End control after a long pause; `turn`: True once in each main loop pass."""
+        """End control after a long pause of this process; unread reports may be outdated.
+
+        `turn` is True once in each pass of the main loop.
+        """
         pause_s = self.stalls.wake(now_s, turn=turn)
         if pause_s > SAFETY.stall_s:
             self.end(f"the drone's program paused for {pause_s:.0f} s", now_s)

@@ -64,7 +64,10 @@ class MotionHandler:
     def vehicle(
         self, message: Message, age_s: float = 0.0, late_s: float | None = None
     ) -> None:
-        """Handle an autopilot's message of `age_s`, delayed by `late_s` on the link [s]."""
+        """Handle a message from the autopilot.
+
+        `age_s` is the time since its arrival [s], `late_s` its delay on the link [s].
+        """
         now_s, before = monotonic_s(), self._autopilot.kind
         self.control.wake(now_s)
         self._autopilot.receive(message, now_s - age_s)

@@ -29,7 +29,8 @@ log = get_logger()
 
 PENDING = 16
 SUPERVISOR_TIMEOUT_S = 2.0
-"""Longest wait for the supervisor's consent [s]; stations wait no longer."""
+"""Longest time in which the supervisor must permit a confirmation [s]; stations do not wait
+longer."""
 SENDER_S = 10.0
 """Silence after which a ground station no longer counts as the one that reports other drones
 [s]. Two such stations at once could assign the same path twice."""
@@ -44,7 +45,10 @@ class _PendingRequest:
 
 
 class MotionOrders:
-    """Handles motion orders; `next_request_id` numbers queries to the supervisor."""
+    """Handles motion orders of ground stations.
+
+    `next_request_id` numbers the queries to the supervisor.
+    """
 
     def __init__(
         self,
@@ -66,7 +70,10 @@ class MotionOrders:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a motion message; `refusal`: why the station may not command, or None."""
+        """Handle a station's motion message.
+
+        `refusal` is the reason why the station may not command, or None.
+        """
         try:
             message = decode_motion(payload, requester)
         except TunnelError as error:
@@ -180,7 +187,10 @@ class NeighbourReports:
     def receive(
         self, payload: bytes, requester: Requester, refusal: str | None, *, sealed: bool
     ) -> None:
-        """Handle a drone's report; `refusal`: why the station may not command, or None."""
+        """Handle a report about another drone.
+
+        `refusal` is the reason why the reporting station may not command, or None.
+        """
         now_s = monotonic_s()
         try:
             neighbour = decode_neighbour(payload)

@@ -24,7 +24,10 @@ class StallWatch:
         return self._late_turns > 0
 
     def wake(self, now_s: float, *, turn: bool = False) -> float:
-        """Return the time since the previous call [s]; `turn`: once in each main loop pass."""
+        """Note that the process runs; return the time since the previous call [s].
+
+        `turn` is True once in each pass of the main loop.
+        """
         pause_s, self._awake_s = now_s - self._awake_s, now_s
         if pause_s > LATE_S:
             if not self.late:
@@ -35,5 +38,8 @@ class StallWatch:
         return pause_s
 
     def silence_counts(self, now_s: float) -> bool:
-        """True if silence is real: all is read after a pause, or `SAFETY.stall_s` passed."""
+        """True if silence of the autopilot is real.
+
+        After a pause this is False for `SAFETY.stall_s`, or until all messages are read.
+        """
         return not self.late or now_s >= self._silence_counts_from_s

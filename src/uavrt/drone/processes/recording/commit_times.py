@@ -4,9 +4,11 @@ Commits are rare, because each writes partly filled pages.
 """
 
 PULSES_S = 3.0
-"""Longest time until a pulse is committed, and shortest between commits [s]."""
+"""Longest time until a written pulse is committed to disk [s]; also the shortest time between
+two commits."""
 OTHERS_S = 15.0
-"""Longest time until other records are committed [s]; a power cut loses them."""
+"""Longest time until poses, health and texts are committed to disk [s]; a power cut loses those
+not committed."""
 RETRY_S = 1.0
 
 

@@ -38,7 +38,10 @@ class AwaitedPoses:
         waiting.setdefault(pulse.start_time_ns, (pulse, now_s + self._timeout_s))
 
     def pose_arrived(self, pulse: Pulse) -> list[Pulse]:
-        """Remove a pulse and the tag's earlier ones; return these, whose poses are lost."""
+        """Remove a pulse whose pose has arrived; return the tag's earlier pulses, removed too.
+
+        Their poses count as lost.
+        """
         waiting = self._tags.get(pulse.tag_id)
         if waiting is None or pulse.start_time_ns not in waiting:
             return []
@@ -69,7 +72,10 @@ class AwaitedPoses:
 def pose_from_records(
     pulse: Pulse, poses: Iterable[Pose], antenna: AntennaSettings
 ) -> PulsePose:
-    """Compute a pulse's pose from the vehicle's recorded ones; None if none is near."""
+    """Compute the antenna's pose at a pulse from recorded poses of the vehicle.
+
+    Without a near enough pose, the result has none.
+    """
     ring = PoseRing(antenna, capacity=MOST_POSES)
     for pose in poses:
         ring.add_pose(pose)

@@ -21,7 +21,8 @@ _CLOSE_S: Final = 2.0
 
 
 _Item = tuple[BeepSearch, IQBlock | None, IQBlock | None]
-"""Work: search, a block of the radio's band, one of the tags' band (or None)."""
+"""Queued work: the search object, a block of the radio's band and one of the tags' band (None
+if not needed)."""
 
 
 class BeepListener:

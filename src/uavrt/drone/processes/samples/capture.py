@@ -20,7 +20,10 @@ from uavrt.radio.sanity import SampleCheck
 
 
 class Capture:
-    """Records the band up to a set duration; `RecordingError` if it cannot start."""
+    """Records the decimated band up to a set duration.
+
+    Raises `RecordingError` if the recording cannot start.
+    """
 
     def __init__(self, frame: ProcessFrame, flight: FlightInfo) -> None:
         assert flight.capture_s is not None

@@ -24,7 +24,10 @@ class SearchHangs(RuntimeError):
 
 
 class HangWatch:
-    """Context that raises `SearchHangs` for a long step; `turn` returns the present one."""
+    """Context that raises `SearchHangs` if one step of the search takes too long.
+
+    `turn` returns the present step, as a different object for each step.
+    """
 
     def __init__(self, turn: Callable[[], object]) -> None:
         self._turn = turn

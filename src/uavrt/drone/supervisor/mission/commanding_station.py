@@ -13,13 +13,17 @@ from uavrt.core.commands import COMMANDS, PermittedSender
 from uavrt.core.messages import Command
 
 SILENCE_S = 60.0
-"""Silence of the commanding station that permits another [s]; longer than a restart."""
+"""Silence of the station in command after which another station may take over [s]; a restart
+takes less."""
 OWN_SOURCES = ("capture", "command line")
 """Command sources on the drone itself: the supervisor and the program that started it."""
 
 
 class CommandingStation:
-    """Decides who may command: the first station if `pinned`, else all."""
+    """Decides who may command and remembers the station in command.
+
+    Unless `pinned`, every station may command.
+    """
 
     def __init__(
         self,

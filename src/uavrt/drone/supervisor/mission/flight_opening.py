@@ -13,7 +13,8 @@ from uavrt.core.errors import RecordingError
 from uavrt.core.messages import FlightInfo, Tag
 
 _CHEAP_SHARE_TAGS = 16
-"""Tags that one detector may get even if another gets none: 2 % of a core."""
+"""Number of tags that one detector process may get even if another gets none; they use 2 % of a
+core."""
 
 
 def share_tags(

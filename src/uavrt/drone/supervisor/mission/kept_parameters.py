@@ -31,7 +31,9 @@ class KeptValue(msgspec.Struct, frozen=True):
 
 
 class SettingsInForce:
-    """Settings with the operator's parameters; `on_change` gets changed settings."""
+    """Settings with the operator's parameters applied; `on_change` is called
+    with changed ones.
+    """
 
     def __init__(self, settings: Settings, on_change: Callable[[Settings], None]) -> None:
         path = Path(settings.recording.directory) / PARAMETERS_NAME
@@ -91,7 +93,10 @@ class SettingsInForce:
         return f"{name} = {value:.7g}{', from the next start' if waits else ''}"
 
     def use_start(self, command: Command) -> None:
-        """Check a start's frequency and gain, apply the gain; `ConfigError` if invalid."""
+        """Check a start command's frequency and gain, and apply the gain.
+
+        Raises `ConfigError` if one is invalid.
+        """
         check_start(self.now, command.center_frequency_hz, command.gain)
         self._use_gain(command.gain)
 

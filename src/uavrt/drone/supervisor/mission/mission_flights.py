@@ -33,9 +33,11 @@ a brown-out in the air takes less; last week's flight is older."""
 _MOST_PAIRS_LISTED = 3
 """Most pairs of similar codes named to the operator at a flight's start; the page shows all."""
 _USABLE_HALF_BAND = 0.4
-"""Largest usable distance from the radio's centre, as a share of the rate."""
+"""Largest usable distance from the radio's centre frequency, as a fraction of the sample
+rate."""
 _USUAL_WINDOW_HZ = 500.0
-"""Largest half-width of a tag's search that always fits into a channel [Hz]."""
+"""Largest search range on either side of a tag's frequency that always fits into one channel
+[Hz]."""
 
 Notify = Callable[[int, str], None]
 Tuner = Callable[[TuningRequest], Tuning]
@@ -99,7 +101,10 @@ class Flights:
     def _continue_capture(
         self, flight: FlightInfo, clock_offset_ns: int | None
     ) -> SystemState | None:
-        """Continue a raw capture: its state, or None after reporting where it is."""
+        """Continue a raw capture and return the state.
+
+        If that is impossible, report where the recording is and return None.
+        """
         if clock_offset_ns is None or not Path(flight.directory).is_dir():
             self._notify(4, f"Raw capture ended by a restart: kept in {flight.directory}")
             return None
@@ -207,7 +212,10 @@ class Flights:
         )
 
     def correct(self, tag: Tag | None) -> tuple[FlightInfo, str, tuple[str, ...]] | None:
-        """Correct a tag in flight; return flight, text, warnings, or None if unchanged."""
+        """Change a tag's frequency or interval in the present flight.
+
+        Returns the flight, a text and warnings; None if nothing changed.
+        """
         flight, listed = self.flight, self._upload.tags
         known = None if tag is None else listed.get(tag.tag_id)
         if tag is None or known is None or flight is None:

@@ -20,7 +20,8 @@ FEW_SAMPLES = "the radio delivers too few samples. Check its cable, or set a low
 SLOW_DISK = "the samples could not be written in time. Record to a faster disk, or record less"
 
 _LONGEST_CAPTURE = 3.0
-"""Longest extension of a raw capture that arrives slowly, in planned lengths."""
+"""Longest extension of a raw capture whose samples arrive slowly, as a multiple of its
+length."""
 
 
 class FlightProgress:

@@ -106,7 +106,9 @@ class Mission:
     # ---------------------------------------------------------------- commands
 
     def command(self, command: Command) -> CommandReply:
-        """Carry out or refuse a command; a repeated one gets its first reply."""
+        """Carry out or refuse a command; return the reply, for a repeated command its first
+        one.
+        """
         key = (command.source, command.request_id)
         if key not in self._replies:
             self._replies[key] = reply = self._decide(command)

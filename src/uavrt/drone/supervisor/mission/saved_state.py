@@ -46,7 +46,9 @@ class StateStore(KeptFile[SavedState]):
         self._lock: int | None = None
 
     def claim(self) -> None:
-        """Lock the directory until the process ends; `ConfigError` if it is locked."""
+        """Lock the directory until this process ends; raises `ConfigError` if it is already
+        locked.
+        """
         import fcntl  # not where Windows runs the page, which reads the state
 
         try:

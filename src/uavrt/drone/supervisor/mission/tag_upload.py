@@ -14,13 +14,13 @@ from uavrt.flight.kept_file import KeptFile
 log = get_logger()
 
 LAST_TAGS_NAME = "last_tags.json"
-"""File with the last complete tag list, with which `DET_RUN` starts."""
+"""Name of the file with the last complete tag list, with which parameter `DET_RUN` starts."""
 _MOST_TAGS = 1000
 """Largest number of tags in a list unless `detection.maximum_tags` is set."""
 
 
 class TagUpload:
-    """Receives the next flight's tags; methods raise `UavrtError` to refuse."""
+    """Receives the next flight's tag list; methods raise `UavrtError` to refuse a command."""
 
     def __init__(self, directory: Path) -> None:
         self._last = KeptFile(directory / LAST_TAGS_NAME, tuple[Tag, ...], "last tags")
@@ -30,12 +30,17 @@ class TagUpload:
         """Number of tags that the sender announced for this upload; 0 if unknown."""
 
     def begin(self, tags: Sequence[Tag] = (), sent: int = 0) -> None:
-        """Begin a list, or resume an upload with its `tags` and the number `sent`."""
+        """Begin a list, or resume an interrupted upload with its `tags` and
+        the number `sent`.
+        """
         self.tags = {tag.tag_id: tag for tag in tags}
         self.sent = sent
 
     def add(self, tag: Tag | None, maximum_tags: int | None) -> None:
-        """Add a tag, once if equal, up to `maximum_tags` (None: 1000)."""
+        """Add a tag; adding an equal tag again has no effect.
+
+        At most `maximum_tags` tags are allowed (None: 1000).
+        """
         if tag is None:
             raise UavrtError("the command contains no tag")
         if self.tags.get(tag.tag_id, tag) != tag:

@@ -32,7 +32,7 @@ IMPORT_S = 20.0
 FIRST_WAIT_S = 10.0
 """Longest wait for the fork server's imports [s]; then processes start without it."""
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-"""Environment that limits BLAS to one thread; more would compete for few cores."""
+"""Environment variables that limit BLAS to one thread; more would compete for few cores."""
 
 
 class Launcher:
@@ -73,7 +73,9 @@ class Launcher:
         )
 
     def fileno(self) -> int | None:
-        """Descriptor readable once the fork server answers or ends; None without it."""
+        """Return a descriptor readable once the fork server answers or ends; None if it does
+        not run.
+        """
         return self._sock.fileno() if self._sock is not None else None
 
     def warm_up(self) -> None:
@@ -154,7 +156,10 @@ class Launcher:
         environment: Mapping[str, str],
         arguments: Sequence[str] = (),
     ) -> int:
-        """Start ``python -m MODULE`` in its own group; return its id, to be reaped."""
+        """Start ``python -m MODULE`` in its own process group; return the process id.
+
+        The caller must reap the process.
+        """
         environment = {**self._environment, **environment}
         pid = self._fork(module, name, output, fds, environment, arguments)
         if pid is not None:
@@ -174,7 +179,9 @@ class Launcher:
     # ------------------------------------------------------- what was started
 
     def watch(self, pid: int) -> int:
-        """Descriptor readable once the process ends; `OSError` if that is impossible."""
+        """Return a descriptor readable once the process ends; raises `OSError` if that is
+        impossible.
+        """
         return os.pidfd_open(pid)
 
     def signal(self, pid: int, number: int) -> None:

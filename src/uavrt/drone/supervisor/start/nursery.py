@@ -28,14 +28,15 @@ from dataclasses import dataclass
 from typing import Any
 
 NURSERY_VARIABLE = "UAVRT_NURSERY_FD"
-"""Environment variable with the descriptor of the fork server's socket."""
+"""Name of the environment variable with the file descriptor of the fork server's socket."""
 MODULES = (
     "uavrt.drone.processes.receiver",
     "uavrt.drone.processes.detector",
     "uavrt.drone.processes.connection",
     "uavrt.drone.processes.recorder",
 )
-"""Modules imported before the first fork: processes that every drone runs."""
+"""Modules that the fork server imports before its first fork: processes that every drone
+runs."""
 MAX_REQUEST_BYTES = 65_536
 MAX_FDS = 200
 FIRST_FREE_FD = 500
@@ -51,13 +52,17 @@ class ForkedProcess:
     request: dict[str, Any]
     """Request of `Launcher`: module, name, arguments, environment, parent, descriptors."""
     fds: list[int]
-    """Received descriptors: one per requested number, then one to confirm the fork."""
+    """Received file descriptors: one per requested number, then one to confirm the fork."""
     parent_id: int
     """Process id of the intermediate process between the fork server and this one."""
 
 
 def serve(sock: socket.socket) -> ForkedProcess | None:
-    """Fork on each request; return its data in the new process, None at the end."""
+    """Fork a process for each request.
+
+    Returns its data in the new process, and None in the fork server when the supervisor has
+    ended.
+    """
     while True:
         data, fds, _, _ = socket.recv_fds(sock, MAX_REQUEST_BYTES, MAX_FDS)
         if not data:
@@ -80,7 +85,10 @@ def serve(sock: socket.socket) -> ForkedProcess | None:
 
 
 def fork_twice(request: dict[str, Any], fds: list[int]) -> ForkedProcess | int:
-    """Fork a child of the supervisor; return its id here, its data there."""
+    """Fork a process that becomes a child of the supervisor.
+
+    Returns its process id here, and its data in the new process.
+    """
     reader, writer = os.pipe()
     try:
         parent_id = os.fork()
@@ -134,7 +142,7 @@ def set_up(process: ForkedProcess) -> None:
 
 
 def place_descriptors(fds: list[int], places: list[int]) -> None:
-    """Move descriptors to the requested numbers; stderr becomes a copy of stdout."""
+    """Move file descriptors to the requested numbers; stderr becomes a copy of stdout."""
     raised = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, FIRST_FREE_FD) for fd in fds]
     for fd in fds:
         os.close(fd)

@@ -20,7 +20,8 @@ log = get_logger()
 
 LineHandler = Callable[[bytes], None]
 READ_BYTES = 65_536
-"""Most bytes read in one call; for 128 KiB, glibc would map new memory each time."""
+"""Most bytes read from a process in one call. For reads of 128 KiB, glibc would map new memory
+each time."""
 
 
 class Child:

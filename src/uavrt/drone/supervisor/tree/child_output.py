@@ -36,7 +36,10 @@ def warning_text(process: str, line: bytes) -> StatusText | None:
 
 
 class OutputLog:
-    """Writes printed lines to files; those that do not fit on the disk are counted."""
+    """Writes the lines that processes print to files.
+
+    Lines that do not fit on the disk are dropped and counted.
+    """
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory

@@ -55,7 +55,9 @@ class Intake:
         self._listening = wanted
 
     def _take(self) -> None:
-        """Read all records that have arrived, then pause, or wait if there were none."""
+        """Read all records that have arrived, then pause or, if there were none, wait for
+        input.
+        """
         self._timer = None
         ready = self._epoll.poll(0)
         try:

@@ -30,7 +30,7 @@ LineHandler = Callable[[Instance, bytes], None]
 
 SEND_BUFFER_BYTES = 4 * 1024 * 1024
 SILENCE_REPORT_S = 4.0
-"""Silence reported to the operator [s], if the limit for a kill is longer."""
+"""Silence of a process reported to the operator [s], if its limit for a kill is longer."""
 
 
 class ProcessTree:
@@ -255,7 +255,9 @@ class ProcessTree:
         self._sockets = {}
 
     async def restart_search(self) -> FlightInfo | None:
-        """Restart receiver and detectors; return the flight, None if it has ended."""
+        """Restart receiver and detectors; return the flight with its tags, None if it has
+        ended.
+        """
         flight = self._mission.flights.flight
         self._restarts_waiting += 1
         try:

@@ -52,7 +52,8 @@ class ProcessRow:
     """Most records of one topic that are queued for the process; None for no limit. A burst
     must fit: a hundred tags with simultaneous pulses cause hundreds of records."""
     acknowledges_records: bool = False
-    """True if records are acknowledged; the others are sent again after a restart."""
+    """True if the process acknowledges records. Those not acknowledged are sent again after a
+    restart."""
     per_worker: bool = False
     """True if there is one process of this row for each detector worker."""
     samples_to: str | None = None

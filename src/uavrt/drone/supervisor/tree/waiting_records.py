@@ -84,7 +84,10 @@ class Outbox:
             self._update_flight(*self._kept.popleft())
 
     def process_ended(self, *, by_itself: bool) -> None:
-        """Queue unacknowledged records first, or drop them after unexpected ends in a row."""
+        """Queue the unacknowledged records again, before all others.
+
+        After `RUNS_WITHOUT_PROGRESS` unexpected ends, drop them.
+        """
         self._runs_without_progress = (
             self._runs_without_progress + 1 if by_itself and not self._acknowledged else 0
         )

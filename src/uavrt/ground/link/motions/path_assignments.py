@@ -18,7 +18,8 @@ means that the drone has restarted."""
 MOVED_M = 5.0
 """Distance by which a drone's reported goal must move to count as a new path [m]."""
 FIRST_REPORTS_S = 3.0
-"""Time after the first report without path assignments, so that all drones can report [s]."""
+"""Time after the first report for which no paths are assigned, so that all drones can report
+[s]."""
 _ROUND = 0x10000
 
 
@@ -81,9 +82,11 @@ class PathAssignments:
         return True
 
     def recipients(self, flying: Collection[int]) -> set[int]:
-        """Select the drones that get reports about other drones: all that fly or ever sent a
-        report, if several, since one without reports is never assigned a path; a single one
-        while it requests a path.
+        """Select the drones that get reports about other drones.
+
+        With several drones: all that fly or ever sent a report; a single one while it requests
+        a path. A drone that once got a report needs further ones, else it is never assigned a
+        path again.
         """
         known = set(self._members)
         together = known | set(flying)

@@ -21,7 +21,9 @@ class ClockSkew:
         self._least_delay_ns: int | None = None
 
     def learn(self, delay_ns: int) -> str | None:
-        """Add a pulse's delay [ns]; return a message when an offset is first found."""
+        """Add a pulse's delay [ns]; return a message when an offset is first
+        found, else None.
+        """
         self._delays += 1
         least_ns = self._least_delay_ns
         self._least_delay_ns = delay_ns if least_ns is None else min(delay_ns, least_ns)

@@ -12,7 +12,10 @@ from uavrt.ground.link.received.clock_skew import ClockSkew
 
 
 class DroneReports:
-    """Latest reports of a drone; until the first, contact is lost since `now_ns`."""
+    """Latest reports of a drone.
+
+    `now_ns`: time from which the time without contact is counted.
+    """
 
     def __init__(self, now_ns: int) -> None:
         self.state: SystemState | None = None
@@ -57,7 +60,9 @@ class DroneReports:
         return True
 
     def _is_outdated(self, beep: Beep, corrections: Iterable[TagCorrection]) -> bool:
-        """True if a pulse train was measured before this station corrected its list entry."""
+        """True if a pulse train was measured before this station corrected the tag's list
+        entry.
+        """
         return not still_holds(beep, self.sent_tags) and any(
             one.tag_id in beep.tag_ids and still_holds(beep, (one.before,))
             for one in corrections

@@ -26,8 +26,9 @@ class CommandEncoder:
         self._last_id = random.randrange(1, NUMBERED_FROM)
 
     def upload(self, tags: Sequence[Tag]) -> list[bytes]:
-        """Encode the messages of a tag upload, in order: begin, each tag, end; `LinkError` if
-        impossible. A coded tag's message has type `CODED_TAG_TYPE`, all others type 0.
+        """Encode the messages of a tag upload, in order: begin, each tag, end; raises
+        `LinkError` if impossible. A coded tag's message has type `CODED_TAG_TYPE`, all others
+        type 0.
         """
         coded = [tag.tag_id for tag in tags if tag.coded]
         if coded and self._generation == "G0":
@@ -107,7 +108,9 @@ class CommandEncoder:
         return FieldsG1.of(number, values).encode()
 
     def _check_known(self, name: CommandName) -> CommandId:
-        """Command's number in the drone's protocol version; `LinkError` if it has none."""
+        """Return a command's number in the drone's protocol version; `LinkError` if it has
+        none.
+        """
         row = COMMANDS[name]
         generation = "G1" if self._generation == "G2v1" else self._generation
         if row.number is None or generation not in row.lengths:

@@ -20,7 +20,8 @@ from uavrt.link.mavlink.services.parameter_service import decode_value
 
 TRIES = 5
 QUIET_S = 0.5
-"""Time without a value after which missing parameters are requested [s]; usual gap: 20 ms."""
+"""Time without a parameter value after which missing parameters are requested again [s]; values
+arrive 20 ms apart."""
 
 
 class DroneParameters:

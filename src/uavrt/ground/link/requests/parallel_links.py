@@ -1,7 +1,9 @@
 """Use several links to a drone at once: radio, Wi-Fi and cable.
 
-Heartbeats go out on all links, a drone's pulse on one, and our messages on that of the drone's
-last message. Sessions for several drones share the links; each selects the frames of its drone.
+Heartbeats are sent on all links, so that the drone learns every link. The drone sends each
+pulse on one link. Our messages use the link on which a message of the drone arrived last, in
+the given order of preference. Sessions for several drones share the links: each session
+receives every frame and selects those of its drone.
 """
 
 import asyncio
@@ -30,7 +32,10 @@ Listener = Callable[[Frame, int], None]
 
 
 class Links:
-    """The links of a ground station; `signing` signs frames, with an id for each link."""
+    """The links of a ground station.
+
+    `signing`: signs frames, with a different signing link id for each link.
+    """
 
     def __init__(self, own: tuple[int, int], *, signing: Signing | None = None) -> None:
         self._own = own
@@ -111,7 +116,10 @@ class Links:
 
 
 class DroneLinks:
-    """The links to one drone; `links`: shared with other drones, None: its own."""
+    """The links to one drone.
+
+    `links`: links shared with other drones; None: links of its own.
+    """
 
     def __init__(
         self,
@@ -129,7 +137,8 @@ class DroneLinks:
         self._pulses_by = 0
         self._joined = False
         self._autopilots: dict[int, tuple[int, int]] = {}
-        """By system id: index of the link whose autopilot frames are used, last time [ns]."""
+        """For each system id: index of the link whose autopilot frames are used, and time of
+        the last [ns]."""
 
     @property
     def links(self) -> tuple[Link, ...]:

@@ -79,9 +79,10 @@ class Exchange:
         return ack
 
     async def motion(self, payload: bytes, request_id: int) -> MotionState:
-        """Send a motion order, a confirmation or a stop; return the drone's answer. A
-        confirmation is sent once, as its nonce is valid once; the others until they are
-        answered. A stop does not wait.
+        """Send a motion order, a confirmation or a stop; return the drone's answer.
+
+        An order and a stop are repeated until they are answered. A confirmation is sent once,
+        since its nonce is valid once. A stop does not wait for other exchanges.
         """
 
         def send(_attempt: int) -> None:
@@ -114,7 +115,9 @@ class Exchange:
     async def _until_answered(
         self, key: tuple[int, int] | int, send: Callable[[int], None], tries: int, wait_s: float
     ) -> tuple[int, Any] | None:
-        """Repeat a payload until it is answered; return repetitions and answer, or None."""
+        """Send a payload until it is answered; return the number of repetitions and the answer,
+        or None.
+        """
         try:
             for attempt in range(tries):
                 awaited = self._awaited[key] = asyncio.get_running_loop().create_future()

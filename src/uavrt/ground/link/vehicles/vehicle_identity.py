@@ -39,7 +39,9 @@ class VehicleIdentity:
         self._places = _Places()
 
     def heard(self, system_id: int, now_ns: int) -> bool:
-        """Handle a heartbeat; True if from the served vehicle, by default the first found."""
+        """Handle a heartbeat; True if it is from the served vehicle, by default the first
+        found.
+        """
         if self.system_id is None and system_id not in self.excluded:
             self.system_id = system_id
         if system_id == self.system_id:
@@ -59,7 +61,9 @@ class VehicleIdentity:
             self._foreign_ns = now_ns
 
     def receive_position(self, place: tuple[float, float], now_ns: int) -> None:
-        """Add a position of a station without autopilot, to detect two with one number."""
+        """Add a position of a station without an autopilot, to detect two stations with one
+        number.
+        """
         if self._places.add(place):
             self._foreign_ns = now_ns
 

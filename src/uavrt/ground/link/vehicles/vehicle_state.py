@@ -17,7 +17,8 @@ from uavrt.link.mavlink.message import Message
 POSE_SILENCE_NS = ns_from_s(3.0)
 REQUEST_REPEAT_NS = ns_from_s(5.0)
 REQUESTED_HZ = 5.0
-"""Rate of attitude and position requested from an autopilot [Hz]; together 0.4 kB/s."""
+"""Rate of attitude and position requested from an autopilot that sends none [Hz]; both together
+take 0.4 kB/s."""
 IDENTITY_REPEAT_NS = ns_from_s(20.0)
 LOSS_WINDOW_NS = ns_from_s(30.0)
 SILENCE_NS = ns_from_s(6.0)

@@ -22,7 +22,8 @@ MOST_BY_CLIENT = 64
 SILENT_S = 10.0
 """Time after which a connection without a complete request is closed [s]."""
 _SHARE_OF_FILES = 4
-"""Divisor of the file descriptors for connections, so that links and flights get some."""
+"""Divisor of the number of file descriptors: connections may use a quarter of them, so that
+link and flight files always get some."""
 _AT_ONCE = 16
 """Maximum number of connections accepted in one turn of the event loop."""
 

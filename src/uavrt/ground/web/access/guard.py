@@ -1,8 +1,7 @@
-"""Restrict the server to this machine's own page and scripts; refuse other web sites.
-
-A site open in the same browser could send requests here (cross-site request forgery) or point
-its name at this machine (DNS rebinding). So a request's host must be ours, and an origin, which
-scripts do not send, the same host and port. Requests by radio must be POST.
+"""Restrict the server to this machine's own page and scripts; refuse other web sites. A site
+open in the same browser could send requests here (cross-site request forgery) or point its name
+at this machine (DNS rebinding). So a request's host must be ours, and an origin, which scripts
+do not send, the same host and port. Requests that use the drone's radio must be POST.
 """
 
 import hmac

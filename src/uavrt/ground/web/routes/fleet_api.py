@@ -52,7 +52,10 @@ class FleetApi:
         return self._fleet.records()
 
     async def command(self, request: Request) -> Any:
-        """Send a command to all vehicles that the page may command, whatever one refuses."""
+        """Send the same command to all vehicles that the page may command.
+
+        A refusal by one vehicle does not affect the others.
+        """
         name, page = request.path_params["name"], page_of(request)
         if name not in TO_ALL:
             known = ", ".join(TO_ALL)

@@ -26,7 +26,8 @@ from uavrt.core.foreign import CPU_S, MEMORY_BYTES
 
 T = TypeVar("T")
 MOST_WAITING = 64
-"""Maximum number of queued calls for untrusted files; moving the map sends twenty."""
+"""Maximum number of calls queued for the process that reads untrusted files; moving the page's
+map sends twenty."""
 WALL_S = 60.0
 """Longest time for one call in the file-reading process [s]; enough for a busy computer."""
 _NICE = 10
@@ -54,7 +55,9 @@ class ForeignWorker:
         self._end: Callable[[], object] = _nothing
 
     async def call(self, function: Callable[..., T], *arguments: Any) -> T:
-        """Call a function in the other process, ended if cancelled; raises `UavrtError`."""
+        """Call a function in the other process; if cancelled, the process is ended. Raises
+        `UavrtError`.
+        """
         if self._waiting >= MOST_WAITING:
             raise CommandRefused(
                 f"{self._waiting} other files are still waiting to be read",

@@ -1,5 +1,5 @@
 """Run ``uavrt integrate`` on whole flights for the page, in a process of its own, as it uses a
-core for a minute and up to a gigabyte.
+core for up to a minute and up to a gigabyte of memory.
 """
 
 import asyncio
@@ -30,7 +30,9 @@ class IntegrationJobs:
         self._work: asyncio.Task[str | None] | None = None
 
     async def answer(self, flight: Path, dem: str) -> Record:
-        """Start the search of a flight, or return its progress; no `dem`: level ground."""
+        """Start the search of a flight, or return its progress; an empty `dem` means level
+        ground.
+        """
         if self._work is None:
             self._flight = flight
             self._work = asyncio.create_task(_run_integrate(flight, dem))

@@ -55,8 +55,10 @@ class MapJobs(Generic[Asked, Found]):
         self._lock = threading.Lock()
 
     def answer(self, asked: Asked, *, again: bool = False) -> Record:
-        """Return a map, or its progress; start it if it is a new request. `again`: a repeated
-        request does not restart a map that another page's request has replaced.
+        """Return a map, or its progress; start to compute it if it is a new request.
+
+        `again`: True for a repeated request. It does not restart a map that another page's
+        request has replaced; otherwise two pages would interrupt each other for ever.
         """
         with self._lock:
             work = self._work

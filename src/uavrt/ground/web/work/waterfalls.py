@@ -43,7 +43,8 @@ LOWEST_DB, SPAN_DB = -3.0, 33.0
 LIVE_RATE_HZ = 3750.0
 LIVE_PULSE_S = 0.02
 LIVE_COLUMNS = 8
-"""Number of 10 ms frames whose maximum is one column of a live waterfall; 12.5 a second."""
+"""Number of 10 ms frames in one column of a live waterfall, which shows their maximum; 12.5
+columns a second."""
 NOISE_COLUMNS = 60
 
 

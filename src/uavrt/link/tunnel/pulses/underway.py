@@ -153,7 +153,9 @@ class UnacknowledgedMessages(Generic[T]):
         return [e for e in self._sent.values() if self._deadline_ns(e) <= now_ns]
 
     def acknowledged(self, entries: Iterable[Entry[T]], now_ns: int) -> list[Entry[T]]:
-        """Handle the pulses of a receipt: measure round trips; return lost messages."""
+        """Process acknowledged messages: measure round-trip times. Return the messages that
+        count as lost, because several later ones were acknowledged.
+        """
         arrived = [entry for entry in entries if entry.state == "sent"]
         self.fresh_trip_s = None
         for entry in arrived:

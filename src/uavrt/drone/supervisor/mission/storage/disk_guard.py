@@ -46,7 +46,10 @@ class DiskGuard:
             self._card_faults, self._note_failed = 0, False
 
     def check(self) -> list[tuple[int, str]]:
-        """Check space and card, remove flights (slow); return pairs of severity and text."""
+        """Measure free space, remove flights if necessary, check the card. Call it in a thread.
+
+        Returns (severity, text) pairs for the operator.
+        """
         self._note()
         self.free_mb = self._measure()
         texts: list[tuple[int, str]] = []

@@ -19,7 +19,7 @@ CONFIRM_WITHIN_S = 120.0
 
 
 def removable(flights: Sequence[Path]) -> list[Path]:
-    """Removable flights, oldest first: not the newest, its copies, or starred ones."""
+    """Removable flights, oldest first: all but the newest, its copies and starred flights."""
     older = itertools.chain(*with_copies(flights)[:-1])
     return [flight for flight in older if not FlightLayout(flight).star.exists()]
 
