@@ -61,15 +61,18 @@ class SafetyLimits:
     height_jump_m: float = 5.0
     place_jump_m: float = 30.0
     home_height_error_m: float = 15.0
-    """Largest difference of home's altitude by map and autopilot for a plan [m]."""
+    """Largest difference between home's altitudes by map and autopilot [m]; above it, no order
+    is planned."""
     flying_height_m: float = 2.0
-    """Height above home from which a drone without landed state counts as flying [m]."""
+    """Height above home from which a drone counts as flying if it reports no landed state
+    [m]."""
     lowest_height_m: float = 20.0
     """Lowest height of a commanded target above ground [m]; the settings may change it."""
     gust_below_m: float = 1.0
-    """Amount by which a height may be below a limit [m]; gusts lower a hover."""
+    """Amount by which a height may be below a limit [m]; gusts lower a hovering drone."""
     margin_m: float = 5.0
-    """Distance of paths from outlines of people and buildings [m]: gusts, bends."""
+    """Distance that paths keep from the outlines of people and buildings [m], for gusts and
+    bends."""
     calm_share: float = 0.9
     """Strongest wind in which orders are flown, as a fraction of the drone's airspeed."""
 
@@ -99,7 +102,8 @@ class SafetyLimits:
     braking_m_s2: float = 1.5
     turn_braking_deg_s2: float = 25.0
     setpoint_braking_deg_s2: float = 20.0
-    """Deceleration at the end of a turn [°/s²]; PX4 1.17, MPC_YAWRAUTO_ACC."""
+    """Deceleration with which the autopilot's heading setpoint stops a turn [°/s²]; PX4 1.17,
+    MPC_YAWRAUTO_ACC."""
     setpoint_rests_deg_s: float = 1.5
     """Largest turn rate at which the autopilot's heading setpoint counts as at rest [°/s]."""
     leg_speed_m_s: float = 1.5
@@ -130,7 +134,8 @@ class SafetyLimits:
     turn_done_deg: float = 6.0
     turn_begun_deg: float = 5.0
     heading_stays_m: float = 0.7
-    """Distance from the target with a fixed heading [m]; PX4 stops turning at 1 to 2 m."""
+    """Distance from the target below which the heading must not change [m]; PX4 stops turning
+    at 1 to 2 m."""
     bearing_place_error_m: float = 0.1
     """Position error that is allowed for when the heading is compared with the target's bearing
     [m]. On 1757 legs of PX4 1.17 and ArduCopter 4.7, 0.02 m would have sufficed."""
@@ -153,7 +158,8 @@ class SafetyLimits:
     course_follow_s: float = 1.0
     course_follow_deg: float = 3.0
     either_way_deg: float = 150.0
-    """Angle of heading and course from which the turn may go either way [°]."""
+    """Angle between heading and course from which the heading may turn in either direction
+    [°]."""
     # Least speeds at which ArduCopter's heading follows the course [m/s]: 5 % of its speed,
     # and nearer than `frozen_m`, where it returns from its overshoot.
     course_m_s: float = 0.5

@@ -23,7 +23,8 @@ class SearchRules:
     """Number of corners of the polygon that approximates a circular search area."""
 
     kept_away: float = 0.99
-    """Required probability, for each tag, that a path keeps the protected distance."""
+    """Required probability that a path keeps the protected distance from an animal, for each
+    tag."""
     away_margin: float = 1.4
     """Ratio of planned to protected distance, as animals move and estimates are imperfect."""
     approached: float = 2.0
@@ -35,14 +36,15 @@ class SearchRules:
     late_intervals: float = 2.0
     late_s: float = 1.5
     kept_s: float = 60.0
-    """Time for which positions are stored [s], as some pulses are reported late."""
+    """Time for which the drone's positions are stored [s], as some pulses are reported late."""
     most_keys: int = 4096
     """Number of pulses that are remembered in order to ignore repeated ones."""
 
     learns_percent: float = 3.0
     """Charge that the battery must lose between two updates of the power estimate [%]."""
     reading_share: float = 0.005
-    """Standard error of a charge difference [share of capacity]; readings are whole %."""
+    """Standard error of the difference between two charge readings, as a fraction of the
+    capacity; readings are whole percents."""
     # Standard deviation of the hovering power before its first update, unknown and given in the
     # settings, as a share of it; the return allows for two. Drones take 400 to 1200 W.
     unknown_sigma: float = 1.0

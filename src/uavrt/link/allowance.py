@@ -16,7 +16,10 @@ class Allowance:
         self._left = self.burst
 
     def take(self, now_ns: int, tokens: float = 1.0) -> bool:
-        """Take tokens; False, and none taken, if too few. `now_ns` must not decrease."""
+        """Take `tokens` from the bucket; False, without taking any, if it holds fewer.
+
+        `now_ns`: time, which must not decrease from call to call.
+        """
         if self._at_ns is not None:
             earned = (now_ns - self._at_ns) * 1e-9 * self.per_s
             self._left = min(self.burst, self._left + earned)

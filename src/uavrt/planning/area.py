@@ -13,7 +13,8 @@ from uavrt.planning.tuning import PLANNING
 _Floats = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
 Ground = Callable[[_Floats, _Floats], _Floats]
-"""Height of the ground [m] at (east, north) [m]; the reference height is arbitrary."""
+"""Function that returns the height of the ground [m] at (east, north) [m]; the reference height
+is arbitrary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,9 @@ class Circle:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the circle's edge [m], positive inside."""
+        """Shortest distance from the circle's edge to the ends of straight paths [m], positive
+        if both ends are inside.
+        """
         start = self.depth_m(*np.array([start_m]).T)
         return np.asarray(np.minimum(self.depth_m(east_m, north_m), start))
 
@@ -137,7 +140,9 @@ class Polygon:
         return None
 
     def contains(self, east_m: _Floats, north_m: _Floats) -> _Flags:
-        """True for positions inside: a ray to the east crosses an odd number of sides."""
+        """True for positions inside the outline: a ray to the east crosses an odd number of
+        sides.
+        """
         x, y = np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
         inside = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
         points = np.array(self.corners, np.float64)
@@ -173,7 +178,9 @@ class Polygon:
     def path_depth_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the outline [m]; 0 with an end outside."""
+        """Shortest distance from the outline to straight paths inside it [m]; 0 for paths with
+        an end outside.
+        """
         edge = self._edge_distance_m(start_m, east_m, north_m)
         start = self.contains(*np.array([start_m]).T)
         return np.asarray(np.where(self.contains(east_m, north_m) & start, edge, 0.0))
@@ -181,7 +188,7 @@ class Polygon:
     def _edge_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of straight paths from the outline [m]; 0 if crossed."""
+        """Shortest distance of straight paths from the outline [m]; 0 if a path crosses it."""
         end = (east_m, north_m)
         off = [segment_distance_m(start_m, end, side) for side in self._sides]
         return np.asarray(np.min(off, axis=0))
@@ -191,7 +198,9 @@ _Place = tuple[float | _Floats, float | _Floats]
 
 
 def _turn(a: _Place, b: _Place, c: _Place) -> _Floats:
-    """Twice the signed area of the triangle a, b, c [m²]; positive for a turn to the left."""
+    """Twice the signed area of the triangle a, b, c [m²]: positive if the path from a over b to
+    c turns left.
+    """
     return np.asarray((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
@@ -266,7 +275,8 @@ class SearchArea:
     highest_m: float = 120.0
     ground: Ground = flat_ground
     ground_home: Ground | None = None
-    """Height of the highest ground along the straight return from given positions [m]."""
+    """Function that returns the height of the highest ground along the straight return from
+    given positions [m]."""
     home_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -297,7 +307,9 @@ class SearchArea:
             )
 
     def check_home(self) -> None:
-        """Raise `PlanError` if the drone cannot take off from home, or return to it."""
+        """Raise `PlanError` if home lies where the drone cannot take off or return, such as in
+        an excluded area.
+        """
         home = np.array([self.home_m]).T
         for zone in self.excluded:
             if float(zone.off_m(*home)[0]) <= self.margin_m:
@@ -314,7 +326,8 @@ class SearchArea:
                 )
 
     def entered_area(self, east_m: _Floats, north_m: _Floats) -> str | None:
-        """Reason why excluded areas forbid a path, or the return home from it; or None.
+        """Reason why excluded areas forbid a path, or the return home from it; None if they do
+        not.
 
         The path is given as points, the first of which is its start; the segments between
         points are also checked.
@@ -362,7 +375,10 @@ class SearchArea:
     def refusal(
         self, east_m: _Floats, north_m: _Floats, height_m: _Floats | float
     ) -> str | None:
-        """Why a path of points must not be flown at a height above home; None if it may."""
+        """Reason why a path must not be flown at a height above home; None if it may.
+
+        The path is given as points; the segments between them are also checked.
+        """
         x, y = _close_points(east_m, north_m)
         here = float(east_m[0]), float(north_m[0])
         faults = self._faults(x[None], y[None], height_m, here)
@@ -371,7 +387,7 @@ class SearchArea:
     def refusals(
         self, state_m: tuple[float, float], east_m: _Floats, north_m: _Floats, height_m: float
     ) -> list[str | None]:
-        """Reason why the straight path to each position is not allowed; None if it is."""
+        """Reason why the straight path to each position must not be flown; None if it may."""
         longest = float(np.max(np.hypot(east_m - state_m[0], north_m - state_m[1]), initial=0))
         share = np.linspace(0.0, 1.0, max(2, int(np.ceil(longest / PLANNING.path_step_m)) + 1))[
             1:
@@ -434,7 +450,7 @@ def _nudged(corners: _Floats) -> _Floats:
 
 
 def _close_points(east_m: _Floats, north_m: _Floats) -> tuple[_Floats, _Floats]:
-    """Insert points, so that consecutive ones are at most `PLANNING.path_step_m` apart."""
+    """Insert points into a path until they are at most `PLANNING.path_step_m` apart."""
     if len(east_m) < 2:
         return np.asarray(east_m, np.float64), np.asarray(north_m, np.float64)
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
@@ -469,7 +485,9 @@ def _distance_m(point: _Floats, a: _Floats, b: _Floats) -> float:
 def survey_lines(
     polygon: Polygon, spacing_m: float, *, most: int | None = None
 ) -> list[tuple[float, float]]:
-    """Ends of parallel survey lines along the longest side; `PlanError` for over `most`."""
+    """Return the end points of parallel survey lines along a polygon's longest side, flown back
+    and forth. Raises `PlanError` for more than `most` lines.
+    """
     if not spacing_m > 0.0:
         raise PlanError(
             f"the line spacing of {spacing_m:g} m is not positive",

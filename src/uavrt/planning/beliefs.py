@@ -32,11 +32,13 @@ class _ExistenceRules:
     """Constants of the model check, and of an interferer received in place of the tag."""
 
     memory: float = 0.95
-    """Weight factor of earlier pulses in the model check at each new pulse."""
+    """Factor by which the weight of earlier pulses in the model check is multiplied at each new
+    pulse."""
     largest_sigmas: float = 4.0
-    """Clipping limit of one pulse's level in the model check [standard deviations]."""
+    """Limit of one pulse's level deviation in the model check [standard deviations]."""
     failing_sigmas: float = 3.3
-    """Mean deviation that fails the model check, once in 1000 [standard deviations]."""
+    """Mean level deviation from which the model check fails [standard deviations]; it fails by
+    chance once in 1000."""
     rival_sigma_db: float = 12.0
     """Prior standard deviation of the level of a stationary interferer [dB]."""
     rival_particles: int = 2000
@@ -45,9 +47,11 @@ class _ExistenceRules:
     rival_nats: float = 7.0
     """Largest log odds of an interferer as the source of the received pulses [nats]."""
     tag_nats: float = 25.0
-    """Upper limit of the evidence for a tag [nats]; it still falls when pulses stop."""
+    """Upper limit of the evidence that a tag exists [nats], with which the probability can
+    still fall when pulses stop."""
     known_share: float = 0.5
-    """Largest spread of a located interferer's position, as a share of the area's spread."""
+    """Largest position spread at which an interferer counts as located, as a share of the
+    search area's spread."""
 
 
 _RULES = _ExistenceRules()
@@ -77,7 +81,8 @@ class ModelCheck:
 
 
 def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> float:
-    """Level deviation of a received pulse [standard deviations], given the threshold.
+    """Return a received pulse's level deviation [standard deviations], corrected for the
+    detection threshold.
 
     Far from a tag only its strongest pulses reach the threshold. So the deviation is the normal
     deviate with the same probability as the pulse's level, given that it exceeded the
@@ -92,7 +97,8 @@ def _deviation(level_db: float, threshold_db: float, expected: Expectation) -> f
 
 
 class Interferer:
-    """Stationary interferer, perhaps received as the tag: position and probability.
+    """Stationary interferer whose signal may be received as the tag's, with its position and
+    probability of existence.
 
     Its tracker weights each pulse by the probability that it came from the interferer and not
     from the tag.
@@ -115,7 +121,9 @@ class Interferer:
 
     @classmethod
     def of(cls, prior: TagPrior, rng: Generator) -> "Interferer | None":
-        """Model of a possible interferer; None if the prior excludes one (`missed_share` 0)."""
+        """Model of a tag's possible interferer; None if the prior excludes one (`missed_share`
+        0).
+        """
         return cls(prior, rng) if prior.missed_share > 0.0 else None
 
     @property
@@ -129,7 +137,9 @@ class Interferer:
         return self._density
 
     def heard(self, heard: Listening, log_probability: float) -> None:
-        """Update the interferer with a pulse; `log_probability`: of it under all sources."""
+        """Update position and probability of the interferer with a received pulse;
+        `log_probability` is that of the pulse under all sources.
+        """
         others = self._missed * self.probability * self._density
         chance = self._chance * false_pulse_density(heard)
         tags = max(float(np.exp(log_probability)) - others, chance)
@@ -174,7 +184,7 @@ class TagBelief:
 
     @property
     def prior(self) -> TagPrior:
-        """Signal strength, motion and threshold of the tag as assumed before the flight."""
+        """Signal strength, motion and detection threshold assumed before the flight."""
         return self._tracker.prior
 
     @property
@@ -199,7 +209,9 @@ class TagBelief:
             self._rival.tracker.advance_to(time_s)
 
     def listen(self, heard: Listening) -> Expectation:
-        """Update the tag with a received or missed pulse; return the expected level."""
+        """Update position and existence of the tag with a received or a missed pulse; return
+        the level that was expected.
+        """
         rival, chance = self._rival, self.prior.chance_share
         if heard.snr_db is None:
             expected = self._tracker.listen(heard)
@@ -222,7 +234,9 @@ class TagBelief:
         return expected
 
     def _check(self, heard: Listening, expected: Expectation, absent: float) -> None:
-        """Record a pulse's deviation from the model; possible false alarms weigh less."""
+        """Record how far a received pulse's level deviates from the model; pulses that may be
+        false alarms get less weight.
+        """
         if heard.snr_db is None:
             return
         off = _deviation(heard.snr_db, heard.threshold_db, expected)

@@ -21,15 +21,19 @@ class _Sharing:
     """Constants that control how tags share the path loss exponent."""
 
     exponent_sigma: float = 0.15
-    """Standard deviation between two tags' path loss exponents in the same area."""
+    """Standard deviation of the difference between two tags' path loss exponents in the same
+    area."""
     existence: float = 0.95
-    """Minimum probability of existence at which a tag's path loss exponent is shared."""
+    """Minimum probability of existence at which a tag's path loss exponent is shared with other
+    tags."""
     news: float = 1.25
-    """Growth of a tag's path loss precision after which the exponent is shared again."""
+    """Ratio by which the precision of a tag's path loss exponent must grow before it is shared
+    again."""
     placed_m: float = 50.0
     """Largest rms position spread at which a tag counts as located [m]."""
     most_precision: float = 1.0 / 0.1**2
-    """Largest precision (inverse variance) of the path loss exponent from one tag."""
+    """Largest precision (inverse variance) of the path loss exponent that one tag's pulses may
+    contribute."""
 
 
 _SHARING = _Sharing()
@@ -37,7 +41,9 @@ _SHARING = _Sharing()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ExponentMessage:
-    """Normal likelihood of the path loss exponent, in natural parameters, which add up."""
+    """Normal likelihood of the path loss exponent in natural parameters, so that messages
+    combine by addition.
+    """
 
     precision: float = 0.0
     weighted: float = 0.0
@@ -59,7 +65,9 @@ class _ExponentMessage:
         )
 
     def softened(self, variance: float) -> "_ExponentMessage":
-        """Message for another tag, whose exponent may differ by a given variance."""
+        """Return the message for another tag, less precise because that tag's exponent may
+        differ by a given variance.
+        """
         return self.scaled(1.0 / (1.0 + variance * self.precision))
 
 

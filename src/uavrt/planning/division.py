@@ -30,7 +30,8 @@ def divided(
     stay_s: float,
     owners: Sequence[int | None] = (),
 ) -> list[list[int]]:
-    """Divide tags into one round for each drone; return indices in order of visits.
+    """Divide tags into one round for each drone; return the tags' indices in the order of
+    visits.
 
     Each tag in turn is assigned to the drone that would finish it first (list scheduling). Then
     single tags are moved to other rounds while that shortens the longest round or the total.

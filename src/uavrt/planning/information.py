@@ -30,7 +30,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listener:
-    """Reception of pulses at the drone: height above tags, interval and threshold."""
+    """Reception of pulses at the drone: height above tags, pulse interval and threshold."""
 
     above_tags_m: float
     pulse_s: float
@@ -108,9 +108,10 @@ class _Pulses:
     """Expected levels and weights of pulses along candidate paths, with path durations."""
 
     level_db: _Singles
-    """Expected SNR on each candidate path [dB], shape (legs, samples, hypotheses)."""
+    """Expected SNR of pulses on each path [dB], shape (legs, samples, hypotheses)."""
     per_db2: _Singles
-    """Number of pulses over one level's variance [1/dB²], shape (legs, samples)."""
+    """Number of pulses divided by the variance of one pulse's level [1/dB²], shape (legs,
+    samples)."""
     alike_db2: _Floats
     """Variance of the lasting error that a path's pulses share [dB²], shape (legs,)."""
     span_s: _Floats
@@ -174,7 +175,7 @@ def _lasting_variance(
 
 
 def _heard_nats(prior: TagPrior, some: Hypotheses, heard: _Pulses) -> _Floats:
-    """Information of each path's expected pulses on the tag's position [nats], (legs,)."""
+    """Information of a path's expected pulses on the tag's position [nats], shape (legs,)."""
     root = np.sqrt(heard.per_db2)
     scaled = heard.level_db * root[:, :, None]
     scaled -= scaled.mean(axis=2, keepdims=True)
@@ -213,7 +214,9 @@ def minus_quarter_squares(scaled: _Singles, whole: _Singles) -> _Singles:
 
 
 def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] | None:
-    """Displacement of walking hypotheses by each path's end [m]; None if none walks."""
+    """Displacement to the east and north of each hypothesis of a walking tag until each path's
+    end [m]; None if no hypothesis walks.
+    """
     if not some.wandering_m_per_root_s.any():
         return None
     steps = np.random.default_rng(0).normal(size=(2, 1, 1, len(some.east_m)))
@@ -222,7 +225,9 @@ def _walked_m(some: Hypotheses, spans_s: _Floats) -> tuple[_Singles, _Singles] |
 
 
 def _walked_db2(some: Hypotheses, legs: Legs, spans_s: _Floats, above_tags_m: float) -> _Floats:
-    """Level variance from the tag's walk until the path's end [dB²], (legs, samples)."""
+    """Variance of the level caused by the tag's walk until the path's end [dB²], shape (legs,
+    samples).
+    """
     walk2 = float(np.mean(some.wandering_m_per_root_s**2))
     if walk2 == 0.0:
         return np.zeros_like(legs.time_s)

@@ -43,7 +43,9 @@ class KeepAway:
         speed_m_s: float,
         stays_s: float = 0.0,
     ) -> _Floats:
-        """Probability of the distance kept from each tag on each path, (tags, paths)."""
+        """Probability that each path, with a stay at its end, keeps the distance from each tag,
+        shape (tags, paths).
+        """
         out = np.empty((len(beliefs), len(east_m)))
         limit = (self.margin * self.radius_m) ** 2
         way_x, way_y = east_m - start_m[0], north_m - start_m[1]
@@ -65,7 +67,9 @@ class KeepAway:
 def _nearest_m2(
     x: _Real, y: _Real, speed_x: _Real, speed_y: _Real, span_s: _Real | float
 ) -> _Floats:
-    """Square of the shortest distance from the origin at constant velocity [m²]."""
+    """Square of the shortest distance from the origin during a motion at constant velocity
+    [m²].
+    """
     speed2 = np.maximum(speed_x**2 + speed_y**2, 1e-9)
     time = np.clip(-(x * speed_x + y * speed_y) / speed2, 0.0, span_s)
     return np.asarray((x + speed_x * time) ** 2 + (y + speed_y * time) ** 2)

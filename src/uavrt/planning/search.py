@@ -28,7 +28,9 @@ class Found:
 
 
 class Search:
-    """Search for all tags: beliefs, planner and random numbers, stop rule and return."""
+    """Search for all tags: holds their beliefs, the planner and its random numbers, and applies
+    stop rule and return.
+    """
 
     def __init__(
         self, settings: SearchSettings, beliefs: Beliefs, planner: Planner, rng: Generator
@@ -110,7 +112,9 @@ class Search:
         return decision
 
     def near(self, state: VehicleState) -> float:
-        """Probability that an animal comes too close to a drone that stays for one cycle."""
+        """Probability that an animal comes too close if the drone stays for
+        one planner cycle.
+        """
         rule = self.settings.keep_away
         if rule is None:
             return 0.0
@@ -173,7 +177,7 @@ class Search:
         wind: Wind | None,
         battery: Battery | None,
     ) -> Decision | None:
-        """Flight home if an action would use energy needed for it; otherwise None."""
+        """Flight home if an action would use energy needed for the return; otherwise None."""
         energy = self.settings.energy
         if battery is None or energy is None or isinstance(decision.action, Return):
             return None

@@ -17,7 +17,9 @@ def tags_by_drone(
     *,
     speed_m_s: float,
 ) -> dict[int, list[int]]:
-    """Assign the located, unfound tags to drones; return each drone's tags in order."""
+    """Assign the located tags that are not yet found to drones; return each drone's tags in the
+    order of visits.
+    """
     known = [one for tag_id, one in beliefs.items() if tag_id not in found and _is_known(one)]
     drones = list(starts)
     if not known:

@@ -71,6 +71,8 @@ class AccuracyStop:
         )
 
     def needed_nats(self, belief: TagBelief) -> float:
-        """Missing information [nats]: 1.4 per halving of the 95 % radius, at least 0.3."""
+        """Missing position information [nats]: 1.4 per halving of the 95 % radius, at least
+        0.3.
+        """
         ratio = 1.75 * belief.spread().rms_m / self.radius95_m
         return float(max(0.3, 2.0 * np.log(ratio)))

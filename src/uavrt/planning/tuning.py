@@ -10,14 +10,15 @@ class PlanningTuning:
     least_area_m2: float = 100.0
     """Minimum size of a search area [m²]."""
     listed_corners: int = 3
-    """Maximum number of a search area's corners outside the fence in an error message."""
+    """Maximum number of area corners outside the fence that an error message lists."""
     path_step_m: float = 5.0
     """Distance between the points of a path that are checked against fence and terrain [m]."""
 
     level_nodes: int = 9
-    """Number of Gauss-Hermite nodes for the error that a tag's pulses share in maps."""
+    """Number of Gauss-Hermite nodes used in coverage maps to average over the error common to a
+    tag's pulses."""
     no_level_db: float = -60.0
-    """Energy-to-noise ratio in coverage maps for cells without any signal [dB]."""
+    """Energy-to-noise ratio assumed in coverage maps for cells without signal [dB]."""
 
     division_passes: int = 4
     """Maximum number of passes that improve the division of tags among drones."""
@@ -30,7 +31,8 @@ class PlanningTuning:
     of positions distributed evenly over the area."""
 
     scale_drift: float = 0.03
-    """Standard deviation added to the power ratio at each update, for changing wind."""
+    """Standard deviation added at each update to the ratio of measured to modelled power, since
+    the wind changes."""
     return_climb_m_s: float = 3.0
     """Vertical speed assumed for the climb before the return flight [m/s]."""
     return_sink_m_s: float = 1.5
@@ -39,7 +41,7 @@ class PlanningTuning:
     farthest_m: float = 100_000.0
     """Longest range that is computed for the reception of a tag [m]."""
     range_places: int = 4000
-    """Number of distances at which the energy-to-noise ratio is computed for a range."""
+    """Number of distances at which the energy-to-noise ratio is computed to find a range."""
     table_step_m: float = 0.5
     """Distance step of the table of level corrections for the ground's reflection [m]."""
 

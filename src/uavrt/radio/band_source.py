@@ -26,7 +26,8 @@ from uavrt.radio.sample_stream import BLOCK_S
 SAMPLE_BYTES: Final = 8
 _LARGEST: Final = 65_536
 _SO_RXQ_OVFL: Final = 40
-"""Linux option that counts dropped datagrams (asm-generic/socket.h)."""
+"""Linux socket option that counts dropped datagrams (asm-generic/socket.h); Python's `socket`
+module does not define it."""
 _COUNT_SPACE: Final = socket.CMSG_SPACE(4)
 
 log = get_logger()
@@ -65,7 +66,10 @@ class BandDatagramSource(DatagramSource):
                 log.debug("the system does not count dropped datagrams")
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, shorter if the sender pauses; None after `timeout_s`."""
+        """Get the next block of samples; None if none arrive within `timeout_s`.
+
+        The block is shorter than usual if the sender pauses.
+        """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         while True:
             before = self._joiner.filled
@@ -121,7 +125,11 @@ class ByteJoiner:
         return self._after is not None
 
     def put(self, payload: bytes, lost: int = 0) -> None:
-        """Add a datagram after `lost` dropped ones; `ValueError` if a gap is not taken yet."""
+        """Add a datagram's bytes.
+
+        `lost`: number of datagrams dropped just before this one. Raises `ValueError` if an
+        earlier gap has not been taken yet.
+        """
         if self.has_gap:
             raise ValueError("the samples before the gap must be read first")
         if lost:

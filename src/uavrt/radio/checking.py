@@ -22,7 +22,10 @@ _FREQUENCY_HZ: Final = 150e6
 
 
 def check_device(settings: RadioSettings) -> str:
-    """Receive samples for 3 s; return the result as a sentence, or raise with a remedy."""
+    """Receive samples for three seconds and return a sentence with the measured result.
+
+    Raises an error with a remedy if the radio does not work as configured.
+    """
     if (several := ambiguous_radios(settings)) is not None:
         raise RadioAmbiguous(several[0], remedy=several[1])
     row = RADIOS.get(settings.kind)

@@ -46,7 +46,10 @@ class SampleFormat:
         return self.dtype == np.dtype("<f4") and self.zero == 0.0 and self.full_scale == 1.0
 
     def buffers(self, samples: int) -> tuple[NDArray[np.complex64], NDArray[np.uint8]]:
-        """Allocate samples and stored bytes: one buffer if no conversion is needed."""
+        """Allocate memory for the samples and for the stored bytes.
+
+        One buffer serves for both if the stored bytes need no conversion.
+        """
         made = np.zeros(samples, np.complex64)
         if self.in_place:
             return made, made.view(np.uint8)
@@ -104,7 +107,10 @@ _SIGMF: dict[str, SampleFormat] = {
 
 
 def sample_format(name: str) -> SampleFormat:
-    """Find a sample format by name; the `FormatError` of another name lists them all."""
+    """Find a sample format by name.
+
+    An unknown name raises a `FormatError` that lists the known formats.
+    """
     # rtl_sdr users write cs8, others sc16 or fc32; aliases for these.
     aliases = {"cs8": "ci8", "ci16": "cs16", "sc16": "cs16", "fc32": "cf32"}
     found = FORMATS.get(aliases.get(name.lower(), name.lower()))

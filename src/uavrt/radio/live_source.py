@@ -8,7 +8,8 @@ from uavrt.radio.timing.sample_placing import Placer
 from uavrt.radio.udp_address import listen, parse_udp_address
 
 _MEGAHERTZ = (20.0, 10e3)
-"""Range of entered frequencies that are refused, as they must be megahertz."""
+"""Range of entered frequencies that are taken as megahertz and refused; no radio tag transmits
+at so few hertz."""
 RADIO_RATE_REMEDY = (
     "Check the radio's cable and this computer's load, or set [radio] sample_rate_hz to a "
     "rate that the radio supports"

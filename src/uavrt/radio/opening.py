@@ -69,7 +69,10 @@ def open_stream(
     start_time_ns: int | None = None,
     clock: Clock | None = None,
 ) -> StreamSource:
-    """Read live samples from a pipe; `FormatError` without sample rate or frequency."""
+    """Read live samples from a pipe.
+
+    Raises `FormatError` if the sample rate or the radio frequency is not given.
+    """
     name = "cf32" if format_name is None else format_name.lower()
     if name in ("sigmf", "wav"):
         raise FormatError(

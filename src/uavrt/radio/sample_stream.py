@@ -22,13 +22,14 @@ from uavrt.radio.live_source import LiveSource
 from uavrt.radio.timing.sample_placing import HOLD_S
 
 BLOCK_S: Final = 0.0874
-"""Approximate length of a sample block [s]: latency against wake-ups."""
+"""Approximate length of a sample block [s]; longer blocks add latency, and shorter blocks wake
+the program more often."""
 _WRITE: Final = 16384
 """Number of samples of which blocks are multiples, as are the writes of radio programs;
 airspy_rx writes 65 536 samples at once. So a block ends with a write and needs no extra
 read."""
 PIPE_BYTES: Final = 1 << 20
-"""Size of the largest pipe without privileges [bytes] (/proc/sys/fs/pipe-max-size)."""
+"""Largest pipe that Linux allows without privileges [bytes] (/proc/sys/fs/pipe-max-size)."""
 _PIPE_SIZES: Final = (PIPE_BYTES, PIPE_BYTES // 2, PIPE_BYTES // 4)
 
 log = get_logger()
@@ -80,7 +81,10 @@ class StreamSource(LiveSource):
         self._poll.register(descriptor, select.POLLIN)
 
     def read(self, timeout_s: float | None = None) -> IQBlock | None:
-        """Get the next block, shorter before a possible loss; None after `timeout_s`."""
+        """Get the next block; None if it is not complete within `timeout_s`.
+
+        A block ends early before samples that may have been lost.
+        """
         deadline_s = None if timeout_s is None else monotonic_s() + timeout_s
         self._compact()
         if not self._waiting_since_ns:

@@ -24,7 +24,10 @@ def is_udp_address(text: str) -> bool:
 
 
 def parse_udp_address(text: str) -> tuple[str, int]:
-    """Split ``[udp://]HOST:PORT``, IPv6 hosts in brackets; `ConfigError` if invalid."""
+    """Split ``udp://HOST:PORT`` or ``HOST:PORT`` into host and port.
+
+    An IPv6 address is written in brackets. Raises `ConfigError` for an invalid address.
+    """
     host, colon, port = text.removeprefix(_PREFIX).rstrip("/").rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isascii() and port.isdigit() and 0 < int(port) < 65_536):

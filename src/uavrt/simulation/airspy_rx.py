@@ -35,7 +35,8 @@ BUFFERS = 8
 """Number of filled buffers that libairspy queues for a slow reader."""
 SERIAL = 0x644064DC2F5A5ECD
 LONGEST_S = 86_400.0
-"""Longest simulated time [s], since all pulses from the start on are counted."""
+"""Longest simulation from the world's start [s]; a limit is needed because all pulses since the
+start are counted."""
 PATH_KEPT_S = 10.0
 STALL_S = (0.05, 0.3)
 """Shortest and longest stall caused by `scenario.Radio.stall_share` [s]."""
@@ -298,7 +299,9 @@ def _print(line: str) -> None:
 
 
 def main(command_line: Sequence[str]) -> int:
-    """Run the simulated radio; exit code 0 after SIGTERM, SIGINT or ``-n``, else 1."""
+    """Run the simulated radio; exit code 0 after SIGTERM, SIGINT or the samples of ``-n``, else
+    1.
+    """
     try:
         arguments = parse_arguments(command_line)
     except ArgumentFault as fault:

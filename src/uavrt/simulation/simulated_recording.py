@@ -60,7 +60,10 @@ def simulate_to_directory(
     sample_rate_hz: float | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SimulatedRecording:
-    """Record a scenario to an empty `directory`; `on_progress`: samples written, total."""
+    """Record a scenario from its start; `directory` is created or must be empty.
+
+    `on_progress` is called with the number of samples written and their total.
+    """
     duration_s = scenario.duration_s if duration_s is None else duration_s
     scenario = replace(scenario, duration_s=duration_s)
     rate_hz = scenario.radio.sample_rate_hz if sample_rate_hz is None else sample_rate_hz

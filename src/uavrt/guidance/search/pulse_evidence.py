@@ -44,14 +44,17 @@ class _TagSearch:
     """Search of one tag: times searched, thresholds, noise, and numbers of pulses."""
 
     slot_s: float
-    """Length of a slot with a pulse [s]: pulse interval plus its uncertainty."""
+    """Length of a time slot that must contain a pulse [s]: pulse interval plus its
+    uncertainty."""
     late_s: float
     gap_s: float
     """Largest time between two search reports without an interruption of the search [s]."""
     threshold_db: float
-    """Threshold for missed pulses, and received ones above it [dB, energy to noise]."""
+    """Detection threshold for missed pulses, and for received ones above it [dB, ratio of pulse
+    energy to noise density]."""
     least_db: float
-    """Detection threshold of pulses below `threshold_db` [dB, energy to noise density]."""
+    """Detection threshold for received pulses below `threshold_db` [dB, ratio of pulse energy
+    to noise density]."""
     from_s: float | None = None
     """Start of the uninterrupted search in progress [s]; None if the tag was not searched."""
     to_s: float = 0.0

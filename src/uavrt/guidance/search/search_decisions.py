@@ -78,7 +78,9 @@ class SearchDecisions:
     def decide(
         self, state: VehicleState, now: VehicleNow, others: Sequence[Neighbour]
     ) -> Decision:
-        """Next action, a hover if its path would meet an excluded area or another drone."""
+        """Next action; it is a hover if its path would meet an excluded area
+        or another drone.
+        """
         task, search = self._task, self._search
         drones = None
         if others:
@@ -109,7 +111,10 @@ class SearchDecisions:
         )
 
     def _entered(self, action: Action, state: VehicleState, now: VehicleNow) -> str | None:
-        """Text on an excluded area on an action's path, from here or the stop; else None."""
+        """Return a text on an excluded area that an action's path crosses; else None.
+
+        The path may begin at the present position or at the point where the drone stops.
+        """
         goal = goal_of(action)
         if goal is None:
             return None

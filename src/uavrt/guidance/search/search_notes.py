@@ -35,7 +35,7 @@ class SearchNotes:
         goal_m: tuple[float, float] | None = None,
         likely: bool = False,
     ) -> SearchNote:
-        """Log entry, with `likely` listing the likeliest cells of each tag not yet found."""
+        """Log entry; with `likely`, it lists the likeliest cells of each tag not yet found."""
         return SearchNote(
             time_ns=time_ns,
             order_id=self._task.order.order_id,

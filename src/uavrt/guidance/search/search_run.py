@@ -173,7 +173,10 @@ class SearchRun:
     def decide(
         self, time_ns: int, now: VehicleNow, *, idle: bool, others: Sequence[Neighbour] = ()
     ) -> Choice:
-        """Mark found tags and decide where to fly; `idle`: the last decision is flown."""
+        """Mark found tags, and decide where to fly.
+
+        `idle` is True if the last decision was flown to its end.
+        """
         for evidence in self._evidence.missed():
             self._listen(evidence)
         time_s, search, course = self._elapsed_s(time_ns), self._search, self._course

@@ -38,7 +38,7 @@ class Equipment:
     yaw_offset_deg: float = 0.0
     """Direction of the antenna's main lobe, clockwise from the drone's nose [°]."""
     k: int = 0
-    """Number of pulses that the detector searches together; 0: each tag's own."""
+    """Number of pulses that the detector searches together; 0 for each tag's own number."""
     planner: str = "mi_rate"
     seed: int = 1
     hills: HillLosses | None = None
@@ -68,7 +68,10 @@ class SearchTask:
         check_height(self.height_m, lowest_m=limits.lowest_m, highest_m=limits.highest_m)
 
     def search(self, now: VehicleNow) -> Search:
-        """Search before any pulse; `PlanError` if area, battery or settings forbid it."""
+        """Return the search before its first pulse.
+
+        Raises `PlanError` if area, battery or settings do not permit it.
+        """
         order, limits, away = self.order, self.limits, self.limits.keep_away_m
         area = area_of(order, self.outline, now, limits)
         check_battery(now, limits, 0.0, self.here_m(now), self.height_m)
@@ -127,7 +130,7 @@ class SearchTask:
         )
 
     def _planner(self) -> Planner:
-        """The settings' planner; the default one also needs the duration of a turn."""
+        """Planner named in the settings; the default one also needs the duration of a turn."""
         if self.equipment.planner != "mi_rate":
             return planner_named(self.equipment.planner)
         turning = self.turn_s
@@ -164,7 +167,10 @@ class SearchTask:
 
 
 def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
-    """Tags to search: those of the order, or all; `PlanError` if one is unknown."""
+    """Return the tags to search: those named in the order, or all listed ones.
+
+    Raises `PlanError` if one is unknown.
+    """
     if not listed:
         raise PlanError(
             "the drone is not searching for any tag",
@@ -181,7 +187,10 @@ def _wanted(order: Order, listed: Sequence[Tag]) -> tuple[Tag, ...]:
 
 
 def _circle(order: Order, now: VehicleNow, plane: TangentPlane) -> tuple[Place, ...]:
-    """Corners of a circle around the drone; `PlanError` without a valid radius."""
+    """Return the corners of a circular area around the drone.
+
+    Raises `PlanError` for a missing or invalid radius.
+    """
     radius = order.radius_m
     if radius is None or not 10.0 <= radius <= 10_000.0:
         raise PlanError(

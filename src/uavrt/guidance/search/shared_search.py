@@ -148,7 +148,10 @@ class SharedSearch:
         return False
 
     def answer(self, now: VehicleNow) -> "tuple[Choice, bool] | None":
-        """The requested decision and whether its path is assigned; None before an answer."""
+        """Return the requested decision, and whether its path is assigned.
+
+        None while there is no answer.
+        """
         asked, choice = self._asked, self._choice
         if asked is None or choice is None:
             return None
@@ -178,7 +181,10 @@ class SharedSearch:
     def course(
         self, now: VehicleNow, *, searching: bool = False, height_m: float | None = None
     ) -> Course:
-        """Report of position, path and tags, from another first tag each time."""
+        """Return the report on this drone's position, path and tags.
+
+        Each report begins with a different tag, because the link cuts long lists.
+        """
         self._sequence = (self._sequence + 1) % _ROUND
         here = (now.latitude_deg, now.longitude_deg)
         height = now.altitude_relative_m if height_m is None else height_m

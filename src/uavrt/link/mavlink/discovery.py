@@ -15,7 +15,8 @@ from uavrt.link.mavlink.dialect import (
 )
 
 AUTOPILOT_SILENCE_NS = ns_from_s(5.0)
-"""Time of five missing heartbeats, after which the autopilot is lost [ns]."""
+"""Time without heartbeats after which the autopilot counts as lost and another one may replace
+it [ns]; 5 heartbeats."""
 STATION_SILENCE_NS = ns_from_s(10.0)
 """Time without heartbeats after which a ground station counts as lost [ns]; at 40 % loss, a
 present station counts as lost with p = 1e-4."""
@@ -37,7 +38,7 @@ class Peer:
     system_id: int
     component_id: int
     link: int = field(default=0, compare=False)
-    """Number of the link on which the frame arrived; a peer may use several links."""
+    """Number of the link on which the peer's frame arrived; a peer may use several links."""
 
     @property
     def place(self) -> tuple[int, int]:
@@ -81,7 +82,9 @@ def request_message(peer: Peer, message_id: int) -> CommandLong:
 
 
 def is_station(heartbeat: Heartbeat) -> bool:
-    """True if a heartbeat is of a ground station, by type or the mark of uavrt's."""
+    """True if a heartbeat is from a ground station, by its type or by the mark of uavrt
+    stations.
+    """
     marked = heartbeat.type == MavType.GENERIC and heartbeat.custom_mode == _STATION_MARK
     return heartbeat.type == MavType.GCS or marked
 
@@ -108,7 +111,7 @@ class Discovery:
         self._kept: Peer | None = None
 
     def heartbeat(self, peer: Peer, heartbeat: Heartbeat, now_ns: int) -> bool:
-        """Record a heartbeat; True if the autopilot is new, or has returned."""
+        """Record a heartbeat; True if the autopilot is new or has returned after being lost."""
         if is_station(heartbeat):
             self._add_station(peer, now_ns)
             if heartbeat.type == MavType.GCS:
@@ -134,7 +137,10 @@ class Discovery:
         return now_ns - self._autopilot_heard_ns < AUTOPILOT_SILENCE_NS
 
     def stations(self, now_ns: int) -> tuple[Peer, ...]:
-        """Stations whose heartbeats arrive, or the last one, which may still be present."""
+        """Return the ground stations whose heartbeats arrive, or else the last one received.
+
+        A station without heartbeats is often still present, and sending to it costs nothing.
+        """
         present = [
             peer
             for peer, heard_ns in self._stations.items()
@@ -166,7 +172,9 @@ class Discovery:
         return any(now_ns - self._stations[peer] < STATION_SILENCE_NS for peer in self._others)
 
     def target(self, now_ns: int) -> Peer | None:
-        """Address of messages for all ground stations: the only one's, or broadcast."""
+        """Address of messages for all ground stations: that of the only station, or broadcast
+        if there are several.
+        """
         stations = self.stations(now_ns)
         if not stations:
             return None

@@ -28,7 +28,8 @@ log = get_logger()
 
 AUTOPILOT_LINK = 0
 COMMAND_WAITS_S = 0.2
-"""Longest delay of a vehicle command by queued bytes [s]: 1152 at 57 600 baud."""
+"""Longest time that bytes already queued may delay a vehicle command [s]: 1152 bytes at 57 600
+baud."""
 
 
 class _OpenLink:
@@ -108,7 +109,9 @@ class Connection:
                 tasks.create_task(self.serve(number, address))
 
     async def serve(self, number: int, address: str | Address) -> None:
-        """Serve one link until cancelled, beside `keep_time`; errors are those of `run`."""
+        """Serve one link until cancelled, while `keep_time` runs; raises the same errors as
+        `run`.
+        """
         link = await open_link(address, lambda frame: self._receive(number, frame))
         self._ways[number].link = link
         log.info("link open", address=str(link.address))
@@ -127,7 +130,10 @@ class Connection:
             await asyncio.sleep(TICK_S)
 
     def command_autopilot(self, message: Message) -> None:
-        """Send a command at once or never, as a late one could override a pilot."""
+        """Send a command to the autopilot at once or not at all.
+
+        A late command could override a pilot who has taken over in the meantime.
+        """
         if self.commands_leave:
             self._ways[AUTOPILOT_LINK].send(message, self.component.system_id)
         else:
@@ -166,7 +172,9 @@ class Connection:
 
     @property
     def clock_is_stale(self) -> bool:
-        """True while the autopilot's clock is extrapolated, without TIMESYNC answers."""
+        """True while TIMESYNC answers are missing, so that the autopilot's clock is
+        extrapolated.
+        """
         return self.component.clock_is_stale(self._clock_ns())
 
     @property

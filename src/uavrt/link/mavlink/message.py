@@ -24,7 +24,9 @@ class Message:
 
     @classmethod
     def decode(cls, payload: bytes) -> Self:
-        """Decode a payload: restore trailing zeros, ignore a newer sender's extra fields."""
+        """Decode a received payload. Missing trailing zeros are restored, extra fields of a
+        newer sender ignored.
+        """
         size = cls.LAYOUT.size
         return cls.unpack(payload[:size].ljust(size, b"\0"))
 

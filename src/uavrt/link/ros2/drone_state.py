@@ -1,4 +1,6 @@
-"""The drone's state for both directions of the ROS 2 gateway; the log on ``rosout``."""
+"""State of the drone that both directions of the ROS 2 gateway share, and the log on
+``rosout``.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -35,7 +35,8 @@ DROPS_PERIOD_S = 10.0
 CLOCK_ERROR_S = 2.0
 """Largest accepted clock difference between two computers [s]."""
 REMEMBERED_PULSES = 1000
-"""Largest number of remembered foreign pulses, which are not published again."""
+"""Largest number of remembered pulses from other computers; remembered pulses are not published
+again."""
 
 
 class Gateway:

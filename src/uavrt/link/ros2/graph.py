@@ -51,7 +51,8 @@ def detector_node(tag_id: int) -> str:
 
 
 Conversion = Callable[[Any, Callable[[int], str]], RosMessage]
-"""Makes a ROS 2 message from a record and the tags' directories, by tag id."""
+"""Function that makes a ROS 2 message from a record; it also gets each tag's directory in the
+flight, by tag id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +68,15 @@ class RosTopic:
     depth: int = 10
     """Number of the topic's latest messages that a late subscriber receives."""
     burst: int = 20
-    """Largest number of messages accepted at once (`inbox`); 0: none are accepted."""
+    """Largest number of messages accepted at once (`uavrt.link.ros2.inbox`); 0: the topic
+    accepts no messages."""
     per_s: float = 2.0
     """Rate at which the topic's messages are accepted after a burst [1/s]."""
     commands: bool = True
     """True if messages of this topic are commands, which are handled before data messages."""
     made_of: tuple[type, Conversion] | None = None
-    """Type of records published on arrival; None if `DroneTopics` decides when."""
+    """Type of the records published on arrival; None if `DroneTopics` decides when to
+    publish."""
 
 
 UPLOAD_BURST, UPLOAD_PER_S = 400, 10.0
@@ -214,7 +217,8 @@ OWN_TOPICS = ("burst", "store_coded_tag_information")
 """Topics of coded tags, which the original system does not have."""
 
 COMPONENTS = {"airspy_csdr_netcat": AIRSPY, "channelizer": CHANNELIZER, "detector": DETECTOR}
-"""ROS 2 node of each component, with its ``control_…`` and status topics."""
+"""ROS 2 node of each component. A component has the topics ``control_…`` and
+``status_<name>_subprocess``."""
 
 LOG_TOPIC = "rosout"
 """Topic to which every node writes its log; late subscribers get the newest `LOG_DEPTH`."""

@@ -66,7 +66,7 @@ class RosCommands:
         """Number of commands sent to the supervisor."""
 
     def foreign_command(self, command: Command) -> None:
-        """Handle a command from elsewhere; its tag upload replaces one begun by ROS 2."""
+        """Handle a command not sent by ROS 2; its tag upload replaces one begun by ROS 2."""
         if command.name == "start_tags":
             self._upload.forget()
 
@@ -116,7 +116,9 @@ class RosCommands:
             self._log.write(4, "the gateway restarted during the upload: send all tags again")
 
     def set_loss_baseline(self) -> None:
-        """Store the number of tags lost so far, which the next upload does not count."""
+        """Store the number of tag messages lost so far, so that the next upload does not count
+        them.
+        """
         self._upload.quiet(self._lost_tags())
 
     def unreadable_tag(self) -> None:
@@ -166,7 +168,9 @@ class RosCommands:
         )
 
     def _refuse_part(self, topic: str, order: DiagnosticArray) -> None:
-        """Refuse to start or stop a single component, on its status topic."""
+        """Refuse to start or stop a single component; the refusal is published on its status
+        topic.
+        """
         component = topic.removeprefix("control_").removesuffix("_subprocess")
         reason = (
             "a component cannot be started or stopped alone: publish to "

@@ -58,7 +58,10 @@ class _Setting:
 
 
 class ParameterServices:
-    """Answers parameter requests; `ask` sends a requested change to the supervisor."""
+    """Answers requests for parameters while detection is `running`.
+
+    `ask`: function that sends a requested change to the supervisor.
+    """
 
     def __init__(
         self,
@@ -175,7 +178,10 @@ def _type(parameter: Parameter) -> int:
 
 
 def _below(name: str, prefixes: tuple[str, ...]) -> bool:
-    """True if `prefixes` (none: any) contain the name, which has no dots or shorter prefix."""
+    """True if `prefixes` select a parameter: the list is empty or contains the whole name.
+
+    Parameter names have no dots, so no shorter prefix can match.
+    """
     return not prefixes or name in prefixes
 
 

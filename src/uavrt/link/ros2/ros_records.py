@@ -50,7 +50,9 @@ def time_from_ros(time: Time) -> int | None:
 
 
 def pose_to_ros(pose: Pose | None) -> RosPose:
-    """Pose as latitude (x), longitude (y), altitude above sea level (z); NaN without."""
+    """Convert a pose to latitude (x), longitude (y) and altitude above mean sea level (z); NaN
+    without a pose.
+    """
     if pose is None:
         return UNKNOWN_POSE
     w, x, y, z = pose.quaternion_wxyz

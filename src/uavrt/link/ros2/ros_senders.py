@@ -17,7 +17,8 @@ from uavrt.link.ros2.graph import RosTopic
 
 GATEWAY_MARK = b"uavrt=gateway;"
 DETECTOR_MARK = b"uavrt=detector;"
-"""Text in a participant's user data that marks a detector, beside ``enclave=/;``."""
+"""Text in a DDS participant's user data that marks a detector, next to ROS 2's own
+``enclave=/;``."""
 SYSTEM_TOPIC = "pulse_pose"
 """Topic that only a drone's ROS 2 gateway publishes, which identifies gateways."""
 REMEMBERED = 4096

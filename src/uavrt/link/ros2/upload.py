@@ -9,11 +9,12 @@ from collections.abc import Iterable
 from uavrt.link.ros2.ros_senders import Sender
 
 MOST = 10_000
-"""Largest number of tag ids counted per upload, so a flood fits into memory."""
+"""Largest number of tag ids counted per upload; without a limit, a flood of tags could fill the
+memory."""
 
 
 class Upload:
-    """Counts the tags sent since the first of an upload, accepted or refused."""
+    """Counts all tags sent since an upload's first tag, both accepted and refused."""
 
     def __init__(self) -> None:
         self.open = False
@@ -40,7 +41,9 @@ class Upload:
             self._ids.add(tag_id)
 
     def resume(self, tag_ids: Iterable[int], lost: int) -> None:
-        """Continue an earlier process's upload, with one more tag that may be lost."""
+        """Continue an upload of an earlier gateway process, and count one more tag that may
+        have been lost.
+        """
         for tag_id in tag_ids:
             self.add(tag_id, lost)
         self.add(None, lost)

@@ -75,7 +75,10 @@ class _PendingCommand:
 
 
 class Operations:
-    """Reports operations to the stations that started them; `version`: of the protocol."""
+    """Reports the progress of operations to the ground stations that started them.
+
+    `version`: protocol version that the drone sends.
+    """
 
     def __init__(self, version: int) -> None:
         self._version = version
@@ -210,7 +213,9 @@ class Exchange:
         return in_generation(detector_heartbeat(tag_id, time_ns), self.generation).encode()
 
     def heartbeat(self, state: SystemState, cpu_temperature_c: float | None) -> bytes | None:
-        """Encode the drone's heartbeat, sent once a second; None in G0, which has none."""
+        """Encode the drone's heartbeat, sent once a second; None in generation G0, which lacks
+        it.
+        """
         if self.generation == "G0":
             return None
         old = heartbeat_to_wire(state, cpu_temperature_c)

@@ -1,4 +1,6 @@
-"""Check which stations may command the drone; seal (authenticate) a station's commands."""
+"""Decide on the drone which ground stations may command it; seal (authenticate) commands on the
+ground.
+"""
 
 import secrets
 from collections.abc import Iterable, Iterator
@@ -41,9 +43,10 @@ UNRETURNED_NONCES = 6
 for sealed (authenticated) sessions. At 20 % loss in each direction this happens by chance once
 in 500 starts, and only causes another request."""
 MAX_ANNOUNCED = 4096
-"""Largest number of remembered announcements; a drone makes fewer in a year."""
+"""Largest number of remembered session announcements; a drone makes fewer in a year."""
 FILES_S = 3.0
-"""Time for which a sealed keepalive marks its station as requesting files [s]."""
+"""Time for which a sealed (authenticated) keepalive marks its station as requesting files [s].
+"""
 SEALED_ORDERS = 64
 """Largest number of remembered sealed motion orders, whose answers must carry a keyed hash."""
 OLD_STATION = "this ground station's uavrt is older than the drone's. Update it; stop works"
@@ -90,7 +93,9 @@ class Gate:
         return None
 
     def announcement(self, drone: Ids, nonce: int = 0) -> bytes | None:
-        """Announcement of the session in which seals are valid; None without a key."""
+        """Message that announces the drone's current session to ground stations; None without a
+        key. Sealed messages are valid in this session only.
+        """
         return None if self._keeper is None else self._keeper.announcement(drone, nonce)
 
     def open(self, payload: bytes, sender: Ids, drone: Ids) -> tuple[int, bytes] | None:
@@ -109,7 +114,9 @@ class Gate:
         return opened
 
     def silent_s(self) -> dict[Ids, float]:
-        """Time since each station's last valid sealed message [s], if it sent any."""
+        """Time since the last valid sealed message of each station [s]; stations without one
+        are left out.
+        """
         return {station: monotonic_s() - last_s for station, last_s in self._sealed_s.items()}
 
     def keepalive(self, inside: bytes, station: Ids, drone: Ids) -> bytes | None:
@@ -126,7 +133,10 @@ class Gate:
 
     @contextmanager
     def order(self, order: bytes, station: Ids, *, sealed: bool) -> Iterator[str | None]:
-        """Context of a motion order and answers to it; yields why it is refused, or None."""
+        """Context in which a motion order is handled; yields the reason of a refusal, or None.
+
+        Answers that are sent within the block belong to this order.
+        """
         refusal = self.refusal(station, sealed=sealed)
         if sealed:
             if station not in self._proving and not is_stop(order):

@@ -29,7 +29,7 @@ def _of_code(tag: Tag) -> bytes:
 
 
 def searched_text(tags: Iterable[Tag]) -> str:
-    """Text on the tags in up to 64 characters: ``tags 2, 4 (list 0a1b2c3d)``."""
+    """Text on the searched tags, at most 64 characters: ``tags 2, 4 (list 0a1b2c3d)``."""
     known = list(tags)
     digest = tag_list_digest(known)
     ids = ", ".join(str(tag.tag_id) for tag in known)

@@ -118,7 +118,10 @@ def in_generation(pulse: PulseG1, generation: Generation) -> PulseG1 | PulseG2v1
 
 
 def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
-    """Make a `record` of any generation; `others`: fields that only this one has."""
+    """Make a pulse message of any generation; `record` is its class.
+
+    `others`: the fields that only this generation has. A missing prediction becomes 0.
+    """
     return record(
         tag_id=pulse.tag_id,
         frequency_hz=round(pulse.frequency_hz),
@@ -133,7 +136,10 @@ def from_pulse(record: Callable[..., R], pulse: Pulse, **others: float) -> R:
 
 
 def from_search_report(record: Callable[..., R], report: SearchReport, **others: float) -> R:
-    """Make a `record` of status 3, nothing found; `others`: this generation's fields."""
+    """Make the message "searched, nothing found" (status 3); `record` is its class.
+
+    `others`: the fields that only this generation has.
+    """
     return record(
         tag_id=report.tag_id,
         frequency_hz=round(report.frequency_hz),
@@ -271,7 +277,10 @@ def tag_of_number(tag_id: int, tags: Mapping[int, Tag]) -> Tag | None:
 
 
 def _rate_of(message: PulseG0 | PulseG1, tag: Tag) -> int:
-    """Number, from 1, of the tag's interval that fits the message's predicted window."""
+    """Number, from 1, of the tag's interval that agrees with the predicted next pulse.
+
+    The message has the start of the predicted window: the interval less its uncertainty.
+    """
     if message.tag_id == tag.tag_id + 1:
         return 2
     if message.predict_next_start_s == 0.0 or len(tag.pulse_intervals_s) == 1:

@@ -53,7 +53,8 @@ class Coverage:
 
     ground: GroundGrid
     heard: _Singles
-    """Detection probability, shape (rows, columns), south first; NaN for unknown ground."""
+    """Detection probability, shape (rows, columns), southern row first; NaN where the ground
+    height is unknown."""
     groups: int
     """Number of pulse groups (of K pulses each) along the path; 1 or 0 if `whole_flight`."""
     whole_flight: bool = False
@@ -63,17 +64,23 @@ class Coverage:
 
     @property
     def mean(self) -> float:
-        """Mean detection probability over cells of known height; NaN without any."""
+        """Mean detection probability over all cells of known ground height; NaN if there are
+        none.
+        """
         known = self.heard[np.isfinite(self.heard)]
         return float(known.mean()) if known.size else math.nan
 
     @property
     def known_km2(self) -> float:
-        """Area of the cells of known height [km²], on which mean and shares are based."""
+        """Area of the cells of known ground height [km²], on which the mean and the shares are
+        based.
+        """
         return float(np.isfinite(self.heard).sum()) * self.ground.cell_m**2 / 1e6
 
     def share_above(self, probability: float) -> float:
-        """Share of the cells of known height detected with `probability` or more."""
+        """Share of the cells of known ground height whose detection probability is at least
+        `probability`.
+        """
         known = self.heard[np.isfinite(self.heard)]
         return float((known >= probability).mean()) if known.size else math.nan
 
@@ -98,7 +105,9 @@ def planned_antenna_path(
     interval_s: float,
     nose_first: bool = False,
 ) -> AntennaPath:
-    """Antenna's position at each pulse on straight paths; with `nose_first` its direction."""
+    """Return the antenna's position at the time of each pulse on straight paths between
+    corners; with `nose_first` also its direction, along the path.
+    """
     points = np.array(corners_m, np.float64)
     legs = np.hypot(*np.diff(points, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(legs)))
@@ -188,7 +197,9 @@ def _by_whole_flight(
     pulses: int,
     on_pulse: Callable[[int, int], None] | None,
 ) -> _Floats:
-    """Probability of a whole-flight detection, shape (errors, rows, columns)."""
+    """Probability of a detection from all pulses of a flight together, shape (errors, rows,
+    columns).
+    """
     for number in range(2 * pulses):
         step = judged.look if number < pulses else judged.add
         step(view.energies(number % pulses))
@@ -226,7 +237,9 @@ def _found_by_enr(tag: Tag, frequency_window_hz: float) -> _Singles:
 
 
 class _View:
-    """Received energy of a pulse from all cells, computed again after the drone moved."""
+    """Computes the received energy of a pulse for tags at all cells, again only after the drone
+    has moved.
+    """
 
     def __init__(
         self,

@@ -14,7 +14,9 @@ _Floats = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, kw_only=True)
 class GroundReflection:
-    """Level correction for the ray reflected by medium ground, tabulated by distance."""
+    """Level correction for the ray that is reflected by ground of medium conductivity,
+    tabulated over the distance.
+    """
 
     frequency_hz: float = 150e6
     tag_height_m: float = 1.0
@@ -24,7 +26,9 @@ class GroundReflection:
     _tables: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def gain_db(self, ground_m: _Floats, height_m: float) -> _Floats:
-        """Level of both rays over the direct ray [dB]; `height_m`: drone above the tag."""
+        """Level of direct and reflected ray together, relative to the direct ray [dB];
+        `height_m` is the drone's height above the tag.
+        """
         drone_m = height_m + self.tag_height_m
         straight = np.hypot(ground_m, height_m)
         mirrored = np.hypot(ground_m, drone_m + self.tag_height_m)
@@ -37,7 +41,9 @@ class GroundReflection:
         return np.asarray(20.0 * np.log10(np.maximum(both, 1e-3)))
 
     def __call__(self, dx: _Floats, dy: _Floats, height_m: _Floats | float) -> _Floats:
-        """Level of both rays over the direct ray [dB], for offsets and a height [m]."""
+        """Level of direct and reflected ray together, relative to the direct ray [dB], for
+        offsets east, north and a height [m].
+        """
         height = round(float(np.mean(height_m)), 1)
         table = self._tables.get(height)
         if table is None:

@@ -1,4 +1,5 @@
-"""Compute the range at which a tag is detected, from power, path loss, antenna, noise.
+"""Compute the range at which a tag is detected, from transmitted power, path loss, antenna and
+noise.
 
 The ratio of a pulse's energy to the noise density is ENR = EIRP + antenna gain - mismatch -
 loss + 10 log10(pulse width) - noise density. The loss is that of free space, 20 log10(4 pi d /
@@ -78,7 +79,9 @@ class LinkBudget:
         return np.asarray(found)
 
     def distance_m(self, needed_db: float) -> float | None:
-        """Largest distance with an ENR of `needed_db` [m], at most 100 km; None if nowhere."""
+        """Distance up to which the ENR is at least `needed_db` [m], at most 100 km; None if it
+        is too low everywhere.
+        """
         places = np.concatenate(
             ([0.0], np.geomspace(1.0, PLANNING.farthest_m, PLANNING.range_places))
         )

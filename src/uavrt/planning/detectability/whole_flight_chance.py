@@ -26,7 +26,8 @@ class WholeFlightModel:
     """Parameters to predict whether a whole-flight search finds a tag."""
 
     least_pulses: int = 12
-    """Minimum number of pulses for a whole-flight search; the detector sums as many."""
+    """Minimum number of pulses for a whole-flight search; the ordinary detector already sums
+    this many."""
     patterns: float = 6.0
     """Number of distinguishable sequences of pulse energies while the antenna turns."""
     slot_pulses: float = 0.5
@@ -34,7 +35,8 @@ class WholeFlightModel:
     row_bins: float = 0.5
     """Distance between neighbouring frequencies searched for a tag [1 / pulse width]."""
     loss_db: float = -0.8
-    """Correction for pulses between time slots, frequencies and intervals [dB].
+    """Fitted correction [dB], subtracted from the energies, for pulses that lie between time
+    slots, frequencies and searched intervals.
 
     With it, 400 pulses of a turning antenna need an ENR of 2.3 dB, as measured (I2)."""
 
@@ -79,7 +81,9 @@ class WholeFlightSum:
         np.maximum(self._strongest, energy, out=self._strongest)
 
     def add(self, energy: _Singles) -> None:
-        """Second pass: add a pulse to each cell's sum, relative to its strongest pulse."""
+        """Second pass: add one pulse to each cell's sum, weighted relative to the cell's
+        strongest pulse.
+        """
         assert self._strongest is not None
         if self._squares is None:
             self._squares, self._cubes = np.zeros_like(energy), np.zeros_like(energy)
@@ -118,7 +122,9 @@ class WholeFlightSum:
 def whole_flight_enr_db(
     tag: Tag, gain_db: _Floats, probabilities: Sequence[float]
 ) -> list[float]:
-    """ENR of a flight's strongest pulse that finds the tag, for each probability [dB]."""
+    """For each probability, the ENR of a flight's strongest pulse at which a whole-flight
+    search finds the tag [dB].
+    """
     levels_db = np.arange(-15.0, 30.25, 0.25)
     judged = WholeFlightSum(tag, len(gain_db), 500.0, levels_db)
     energies = (10.0 ** (0.1 * (gain_db - gain_db.max()))).astype(np.float32)
@@ -132,7 +138,7 @@ def whole_flight_enr_db(
 def _log_probability(
     tag: Tag, pulses: int, frequency_window_hz: float, most_drift: float
 ) -> float:
-    """Log probability that noise exceeds the threshold under one searched hypothesis."""
+    """Log probability that noise exceeds the detection threshold under one hypothesis."""
     interval_s = tag.pulse_intervals_s[0]
     slot_s = MODEL.slot_pulses * tag.pulse_width_s
     phases = interval_s / slot_s
@@ -148,13 +154,17 @@ def _log_probability(
 
 
 def _exponentials(tag: Tag) -> float:
-    """Number of unit exponential variables whose maximum is distributed as a noise slot."""
+    """Number of unit exponential variables whose maximum has the distribution of a time slot of
+    noise.
+    """
     return 2.6 + 6.6 * tag.interval_jitter_s / tag.pulse_width_s
 
 
 @lru_cache(maxsize=16)
 def _slot_moments(many: float) -> tuple[tuple[float, float], _Singles, _Singles]:
-    """Standard deviation and skewness of a noise slot; mean and variance with a pulse."""
+    """Return standard deviation and skewness of a time slot of noise, and mean and variance of
+    a slot with a pulse.
+    """
     energy = np.concatenate((np.linspace(0.0, 40.0, 2001), np.geomspace(40.05, 40_000.0, 2000)))
     below = -np.expm1(-energy)
     strength = 10.0 ** (_TRAIN_ENR_DB / 10.0)[:, np.newaxis]

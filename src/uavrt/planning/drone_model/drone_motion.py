@@ -69,10 +69,13 @@ class Path:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Legs:
-    """Sampled candidate paths from here, straight or turns in place, of equal samples."""
+    """Sampled candidate paths from the present position: straight paths or turns in place, all
+    with equally many samples.
+    """
 
     duration_s: _Floats
-    """Durations of the paths or turns [s], shape (legs,); infinite in too strong wind."""
+    """Durations of the paths or turns [s], shape (legs,); infinite if the wind is too
+    strong."""
     time_s: _Floats
     """Times of each path's sampled points, from now [s], shape (legs, samples)."""
     east_m: _Floats
@@ -94,7 +97,9 @@ class Vehicle(Protocol):
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration of the path to each position [s], (positions,); infinite if too windy."""
+        """Duration of the path to each position [s], shape (positions,); infinite if the wind
+        is too strong.
+        """
 
     def along(
         self,
@@ -187,7 +192,9 @@ class Multirotor:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration of the path to each position [s], (positions,); infinite if too windy."""
+        """Duration of the path to each position [s], shape (positions,); infinite if the wind
+        is too strong.
+        """
         _, _, _, turning, flying = self._profile(state, east_m, north_m, wind)
         return turning + flying if self.turns_first else np.maximum(turning * 0.0, flying)
 
@@ -220,7 +227,9 @@ class Multirotor:
     def _gone_m(
         self, moving_s: _Floats, distance_m: _Floats, speed_m_s: _Floats, flying_s: _Floats
     ) -> _Floats:
-        """Distance flown at each sample [m], (legs, samples), with acceleration."""
+        """Distance flown at each sample [m], shape (legs, samples), through acceleration,
+        steady flight and braking.
+        """
         a = self.acceleration_m_s2
         ramp = np.minimum(np.maximum(speed_m_s, 0.0) / a, 0.5 * flying_s)[:, None]
         left = flying_s[:, None] - moving_s
@@ -252,7 +261,9 @@ class FixedWing:
     def _turns(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats
     ) -> tuple[_Floats, _Floats, _Floats]:
-        """Side (+1 right) and angle [rad] of the first turn, straight length [m], (legs,)."""
+        """For each path: side (+1 right) and angle [rad] of the first turn, and length of the
+        straight part [m], shape (legs,) each.
+        """
         yaw = np.radians(state.yaw_deg)
         dx, dy = east_m - state.east_m, north_m - state.north_m
         ahead = dx * np.sin(yaw) + dy * np.cos(yaw)
@@ -271,7 +282,9 @@ class FixedWing:
     def durations(
         self, state: VehicleState, east_m: _Floats, north_m: _Floats, wind: Wind
     ) -> _Floats:
-        """Duration [s], (positions,): a turn in still air, then a straight part in wind."""
+        """Duration of the path to each position [s], shape (positions,): a turn in still air,
+        then a straight part in the wind.
+        """
         _, angle, straight = self._turns(state, east_m, north_m)
         course = np.arctan2(east_m - state.east_m, north_m - state.north_m)
         speed = ground_speed_m_s(self.speed_m_s, course, wind)
@@ -314,7 +327,9 @@ def flown(
     wind: Wind | None = None,
     step_s: float = 1.0,
 ) -> Path:
-    """Drone's positions at an action's time steps; `ConfigError` for too strong wind."""
+    """Return the drone's positions at each time step of an action. Raises `ConfigError` if the
+    wind is too strong.
+    """
     air = wind or Wind()
     if isinstance(action, Rotate | Hold):
         return _in_place(vehicle, state, action, air, step_s)

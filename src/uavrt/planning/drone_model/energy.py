@@ -1,4 +1,4 @@
-"""Model the power for flight, correct it by the battery, and decide when to return."""
+"""Model the power for flight, correct it by battery readings, and decide when to return."""
 
 from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite
@@ -25,7 +25,8 @@ class EnergyModel:
     climb_j_per_m: float = 60.0
     """Energy needed for each metre of climb in addition to level flight [J]."""
     scale: float = 1.0
-    """Ratio of measured to modelled power, by payload, air and the battery's age."""
+    """Ratio of measured to modelled power, which depends on payload, air and the battery's
+    age."""
     scale_sigma: float = 0.2
     """Standard deviation of the ratio of measured to modelled power."""
 
@@ -50,7 +51,8 @@ class EnergyModel:
         return (self.power_w(airspeed_m_s) * duration_s + climb) / 3600.0  # J in a Wh
 
     def learnt(self, predicted_wh: float, used_wh: float, sigma_wh: float) -> "EnergyModel":
-        """Copy whose power scale is updated by predicted and used energy of a flight's part.
+        """Return a copy whose power scale is updated by the predicted and the used energy of a
+        part of the flight.
 
         An unlikely ratio, as from an unknown payload, is accepted but increases the
         uncertainty, because the drone must reach home in any case. `sigma_wh` is the standard

@@ -21,7 +21,9 @@ Strip = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """Minimum distances between drones: over ground, a planning margin, in height."""
+    """Minimum distances between drones: over ground, with a margin for planning, and in
+    height.
+    """
 
     distance_m: float = 25.0
     height_m: float = 10.0
@@ -42,7 +44,8 @@ class OtherDrones:
 
     separation: Separation
     listening: tuple[Path, ...] = ()
-    """Planned paths of other drones with a receiver; their information counts once."""
+    """Planned paths of other drones that report pulses; information that they will gain is not
+    counted again."""
     left: frozenset[int] = frozenset()
     """Ids of the tags that other drones search for and this drone therefore skips."""
     strips: tuple[Strip, ...] = ()
@@ -52,14 +55,18 @@ class OtherDrones:
     def strip_distance_m(
         self, start_m: tuple[float, float], east_m: _Floats, north_m: _Floats
     ) -> _Floats:
-        """Shortest distance of each path from all other drones' paths [m], shape (paths,)."""
+        """Shortest distance of each candidate path from other drones' paths [m], shape
+        (paths,).
+        """
         least = np.full(len(east_m), np.inf)
         for one in self.strips:
             least = np.minimum(least, segment_distance_m(start_m, (east_m, north_m), one))
         return least
 
     def legs(self, time_s: float) -> Legs | None:
-        """Samples of the other receiving drones' remaining paths; None if there are none."""
+        """Sample the remaining paths of the other drones that report pulses; None if there are
+        none.
+        """
         if not self.listening:
             return None
         shares = (np.arange(PLANNING.drones_samples) + 0.5) / PLANNING.drones_samples

@@ -1,4 +1,5 @@
-"""Default planner: the path with most information per second on all tags not found.
+"""Default planner, which chooses the path that gives the most information per second on all
+tags not yet found.
 
 It rates paths of several lengths in sixteen directions, paths to each tag and past it on both
 sides, and a turn in place. Information on a tag counts only up to the amount still needed to
@@ -34,7 +35,8 @@ class _PathRating:
     """Constants by which candidate paths are generated and rated."""
 
     samples: int = 8
-    """Number of points at which a path is sampled, each for the pulses around it."""
+    """Number of points at which a candidate path is sampled; each represents the pulses around
+    it."""
     directions: int = 16
     """Number of exploratory paths, in evenly spread directions without regard to tags."""
     horizons_cycles: tuple[float, ...] = (1.0, 3.0)
@@ -46,22 +48,28 @@ class _PathRating:
     stay_s: float = 4.0
     """Time that the drone stays at the end of a path to a tag [s]."""
     finished_share: float = 0.1
-    """Share of a tag's needed information below which a round skips the tag."""
+    """Share of a tag's needed information; if less is still missing, a round over the tags
+    skips this tag."""
     # Value of a path: a power of the share of the needed information that it gives, plus a
     # factor times the share. Finishing one tag then counts for more than beginning two; the
     # second term decides while no tag is nearly found.
     value_power: float = 8.0
     value_linear: float = 0.002
     explore_nats: float = 2.5
-    """Missing information of every tag above which all directions are explored [nats]."""
+    """Missing position information above which all directions are explored, if it is exceeded
+    for every tag [nats]."""
     change_gain: float = 0.15
-    """Relative gain for changing the target while keeping away from animals or drones."""
+    """Relative gain required to change the target tag while the drone keeps away from animals
+    or other drones."""
     turn_nats: float = 1.5
-    """Minimum information on an animal near at which a turn in place is worthwhile [nats]."""
+    """Minimum information on an animal that may be near at which a turn in place is worthwhile
+    [nats]."""
     near_probability: float = 0.25
-    """Probability of an animal near above which the drone leaves without a turn."""
+    """Probability that an animal is near above which the drone leaves instead of turning in
+    place."""
     vague_factor: float = 1.5
-    """Minimum ratio of an animal's spread to the distance kept for a turn to help."""
+    """Minimum ratio of an animal's position spread to the distance to keep at which a turn in
+    place helps."""
 
 
 _RATING = _PathRating()
@@ -99,7 +107,9 @@ class MiRate:
         legs: Legs,
         goals: list[int | None],
     ) -> Decision:
-        """Best of the allowed paths and the turn in place, the last candidate if present."""
+        """Choose the best of the allowed paths and the turn in place, which is the last
+        candidate if present.
+        """
         wanted = situation.wanted
         count = len(ways.east_m)
         turns = len(spans) > count
@@ -147,7 +157,9 @@ class MiRate:
     def _ways(
         self, situation: Situation, *, exploring: bool
     ) -> tuple[CandidatePaths, _Floats, Legs, list[int | None]]:
-        """Paths, durations, samples, target tags; a turn in place is sampled last."""
+        """Return candidate paths, their durations, samples and target tags; a turn in place is
+        the last sampled candidate.
+        """
         state, vehicle = situation.state, situation.vehicle
         reach = vehicle.speed_m_s * situation.cycle_s
         horizons = _RATING.horizons_cycles if exploring else ()
@@ -200,7 +212,8 @@ class MiRate:
         return [tangents(start, middle, radius), tangents(start, middle, wide)]
 
     def _explores(self, situation: Situation) -> bool:
-        """True while every tag is far from its accuracy; all directions are explored then.
+        """True while every tag is far from its target accuracy; candidate paths then cover all
+        directions.
 
         Otherwise only paths to the tags are rated. A path past many walking tags would give a
         little information on each again and again, and never find one.
@@ -228,7 +241,9 @@ class MiRate:
         )
 
     def _wait_or_turn(self, situation: Situation) -> Decision | None:
-        """A wait, or a turn that locates an animal near; None if neither helps."""
+        """Return a wait, or a turn that locates an animal which may be near; None if neither
+        helps.
+        """
         stay = here(situation)
         if stay.refused[0] is None:
             return Decision(
@@ -296,7 +311,9 @@ def _with_round(
     worth: _Floats,
     spans_s: _Floats,
 ) -> _Floats:
-    """Value per second of each path with a round to the remaining tags, (paths,)."""
+    """Value per second of each path followed by a round to the remaining tags, shape
+    (paths,).
+    """
     places = [one.spread() for one in situation.wanted]
     tags_x = np.array([one.east_m for one in places])
     tags_y = np.array([one.north_m for one in places])

@@ -14,7 +14,9 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CandidatePaths:
-    """Straight paths from the drone, with the results of the checks on them."""
+    """Straight paths from the drone's position, with the results of the checks whether they may
+    be flown.
+    """
 
     east_m: _Floats
     """East coordinate of each candidate path's end [m], shape (paths,)."""
@@ -22,9 +24,11 @@ class CandidatePaths:
     refused: list[str | None]
     """For each candidate path, the reason why it must not be flown; None if it may."""
     disturbs: NDArray[np.bool_]
-    """True for paths refused only for being too close to an animal, shape (paths,)."""
+    """True for paths refused only because they may come too close to an animal, shape
+    (paths,)."""
     kept: _Floats
-    """Probability that a path keeps the distance from the animal most at risk, (paths,)."""
+    """Probability that each path keeps the set distance from the animal most at risk, shape
+    (paths,)."""
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
@@ -72,7 +76,9 @@ def tangents(
 def checked(
     situation: Situation, east_m: _Floats, north_m: _Floats, *, stays_s: float = 0.0
 ) -> CandidatePaths:
-    """Check paths, with stays at their ends, for area, other drones and animals."""
+    """Check which paths, including stays at their ends, are allowed by the area, other drones
+    and animals.
+    """
     state = situation.state
     here = (state.east_m, state.north_m)
     refused = situation.area.refusals(here, east_m, north_m, state.height_m)
@@ -103,7 +109,9 @@ def checked(
 def _near_others(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse paths close to other drones'; a drone too close may only move away."""
+    """Refuse paths close to other drones' paths; a drone that is already too close may only
+    move away.
+    """
     others, state = situation.others, situation.state
     if others is None or not others.strips:
         return refused
@@ -119,7 +127,7 @@ def _near_others(
 
 
 def here(situation: Situation) -> CandidatePaths:
-    """Checked candidate of staying for one planner cycle: a path of zero length."""
+    """Checked candidate "stay here for one planner cycle", a path of zero length."""
     state = situation.state
     place = np.array([state.east_m]), np.array([state.north_m])
     return checked(situation, *place, stays_s=situation.cycle_s)
@@ -128,7 +136,9 @@ def here(situation: Situation) -> CandidatePaths:
 def _circling(
     situation: Situation, east_m: _Floats, north_m: _Floats, refused: list[str | None]
 ) -> list[str | None]:
-    """Refuse a fixed wing's paths whose curve, or a circle to turn back, leaves the area."""
+    """Refuse paths of a fixed wing if the curve that it would fly, or a circle to turn back,
+    leaves the allowed area.
+    """
     state, vehicle = situation.state, situation.vehicle
     spans = vehicle.durations(state, east_m, north_m, situation.wind)
     spans = np.where(np.isfinite(spans), np.maximum(spans, 1.0), 1.0)
@@ -144,7 +154,9 @@ def _circling(
 
 
 def _no_room(situation: Situation, legs: Legs, number: int) -> str | None:
-    """Why a fixed wing cannot circle after a planner cycle or at a path's end; or None."""
+    """Reason why a fixed wing has no room for a full circle after a planner cycle or at a
+    path's end; None if it has.
+    """
     radius = getattr(situation.vehicle, "turn_radius_m", 0.0)
     at_cycle = int(np.searchsorted(legs.time_s[number], situation.cycle_s))
     turn = np.linspace(0.0, 2.0 * np.pi, 25)

@@ -23,7 +23,10 @@ class _Frame:
 
 
 class ChannelDatagramSender:
-    """Sends channels in frames of 1024 samples to their ports; drops them if blocked."""
+    """Cuts channels into frames of 1024 samples and sends each frame to its channel's ports.
+
+    Sending never blocks: if the system's buffer is full, the frame is dropped and counted.
+    """
 
     def __init__(
         self,

@@ -26,14 +26,16 @@ TOLERANCE_S: Final = 0.005
 as the next one [s]. The stamps of the thesis's channelizer are truncated to 1 ms; those of the
 newer channelizer step by 5.4 ms when its count restarts."""
 HELD_FRAMES: Final = 4
-"""Number of later frames stored while one is missing: 1.1 s of samples."""
+"""Number of later frames stored while a missing one may still arrive: 1.1 s of samples."""
 SILENCE_S: Final = 1.5
 """Time without datagrams after which stored frames are released despite gaps [s]."""
 RESTART_FRAMES: Final = 3
-"""Number of consecutive early frames that shows that the sender's clock was set back."""
+"""Number of consecutive frames with time stamps earlier than expected that shows that the
+sender's clock was set back."""
 _LARGEST: Final = 65_536
 LONGEST_GAP_S: Final = 3600.0
-"""Longest forward jump that counts as lost samples [s]; above, the clock was changed."""
+"""Longest forward jump of the time stamps that counts as lost samples [s]; a longer jump means
+that the sender's clock was changed."""
 
 log = get_logger()
 

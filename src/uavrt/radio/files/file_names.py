@@ -29,11 +29,11 @@ class NameFacts:
     program: str
     center_frequency_hz: float | None = None
     frequency_step_hz: float | None = None
-    """Step to which the name rounds the frequency [Hz]; None if 1 Hz or less."""
+    """Step to which the file name rounds the frequency [Hz]; None if it is 1 Hz or less."""
     sample_rate_hz: float | None = None
     start_time_ns: int | None = None
     local_time: bool = False
-    """True if the name gives a local time, read in this computer's time zone."""
+    """True if the file name gives a local time, read in this computer's time zone."""
     format_name: str | None = None
 
 
@@ -105,7 +105,10 @@ def _facts(form: _Form, parts: dict[str, str | None]) -> NameFacts:
 
 
 def _frequency_step_hz(form: _Form, number: str, factor: float) -> float | None:
-    """Value of a frequency's last digit [Hz]; rtl_433 writes six (``%g``). None up to 1 Hz."""
+    """Value of the last digit of the frequency in a file name [Hz]; None for 1 Hz or less.
+
+    rtl_433 writes six digits and omits zeros at the end (format ``%g`` of C).
+    """
     whole, _, decimals = number.partition(".")
     places = max(0, 6 - len(whole)) if form.program == "rtl_433" else len(decimals)
     step_hz: float = factor * 10.0**-places

@@ -11,7 +11,7 @@ from uavrt.radio.files.recording_source import Layout, RecordingSource
 from uavrt.radio.files.sigmf import sigmf_layout
 
 _NO_GAP_S = 0.001
-"""Maximum time between two recordings that is no gap [s]; file times are rounded."""
+"""Maximum time between two recordings without a gap [s]; times in files are rounded."""
 
 
 class JoinedRecording:

@@ -118,7 +118,10 @@ class RecordingSource:
         self._file: SampleBytes = stored or _FileBytes(layout.path)
 
     def skip_to(self, place: int) -> None:
-        """Continue reading at a sample; `place` counts the samples in the file from 0."""
+        """Continue reading at a sample; `place`: its position in the file, counted from 0.
+
+        Samples that the recording lost are not counted in `place`.
+        """
         held = [one for one in self.layout.segments if one.count]
         for number, segment in enumerate(held):
             if place < segment.count or number == len(held) - 1:
@@ -136,7 +139,10 @@ class RecordingSource:
 
     @property
     def origin(self) -> str:
-        """Text on the sources of rate, frequency and start time that the user did not give."""
+        """Text that says where rate, frequency and start time come from.
+
+        Values that the user gave are left out; the text is empty if the user gave all three.
+        """
         layout = self.layout
         origins = (
             (f"{layout.center_frequency_hz / 1e6:.6f} MHz", layout.frequency_from),
@@ -203,7 +209,10 @@ class RecordingSource:
 
 
 def name_note(facts: NameFacts, about: Literal["rate", "frequency", "time"]) -> str:
-    """Text on the file's name as a source, with a time's zone or a frequency's rounding."""
+    """Text that names the file's name as the source of a value.
+
+    It also states the time zone of a time and the rounding of a frequency.
+    """
     said = f"the file's name (as {facts.program} gives)"
     if about == "time" and facts.local_time:
         said += ", the local time of the computer that recorded, taken to be this one's zone"
@@ -249,7 +258,11 @@ def raw_layout(
     rate_from: str = GIVEN_BY_USER,
     start_from: str = GIVEN_BY_USER,
 ) -> Layout:
-    """Describe a raw file; the arguments ``…_from`` say where each value comes from."""
+    """Describe a file of raw samples.
+
+    The arguments `frequency_from`, `rate_from` and `start_from` say where each value comes
+    from.
+    """
     check_rates(sample_rate_hz, center_frequency_hz)
     size = file_size(path)
     if sample_format.dtype.kind != "f":

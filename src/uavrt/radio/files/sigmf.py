@@ -33,7 +33,10 @@ from uavrt.radio.timing.sample_times import NominalTimes
 def sigmf_layout(
     path: Path, *, center_frequency_hz: float | None = None, start_time_ns: int | None = None
 ) -> Layout:
-    """Describe a SigMF recording, by its metadata or its samples' path, and its gaps."""
+    """Describe a SigMF recording and the gaps between its captures.
+
+    `path`: the file with the metadata, or the file with the samples.
+    """
     meta_path, data_path = _paths(path)
     meta = _load(meta_path)
     about = _table(meta, "global", meta_path)
@@ -99,13 +102,16 @@ def sigmf_layout(
 
 
 def sigmf_global(path: Path, key: str) -> object:
-    """Value of a key in the global metadata, or None; `FormatError` if it is unreadable."""
+    """Value of a key in a recording's global metadata; None if the key is missing.
+
+    Raises `FormatError` if the metadata cannot be read.
+    """
     meta_path, _ = _paths(path)
     return _table(_load(meta_path), "global", meta_path).get(key)
 
 
 MOST_GAP_S = 30 * 86_400.0
-"""Longest accepted gap between captures [s]; above it an index or time is wrong."""
+"""Longest accepted gap between captures [s]; a longer one shows a wrong index or time."""
 LAST_NS = 2**62
 """Latest time accepted in a recording, in 2116 [ns since 1970]."""
 

@@ -37,7 +37,8 @@ from uavrt.radio.live_source import check_rates
 
 _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _UNKNOWN_SIZE = (0, 0xFFFFFFFF, 0x7FFFFFFF)
-"""Sizes of a data chunk that mean "unknown": the file was streamed, or its writer killed."""
+"""Sizes in the data chunk of a WAV file that mean "unknown": the program streamed the file or
+was killed."""
 
 _MOST_READ = 1 << 16
 """Maximum number of bytes that are read from a chunk of a WAV file; the longest chunk that is

@@ -20,7 +20,7 @@ class Cause(Enum):
     """Reasons why a radio delivers no samples."""
 
     ABSENT = auto()
-    """The radio is missing, in use or forbidden; the program's message is the same."""
+    """The radio is missing, in use or forbidden; the program's message is the same for all."""
     FORBIDDEN = auto()
     BUSY = auto()
     RATE = auto()
@@ -68,7 +68,8 @@ ANSWERS: tuple[tuple[str, str, Cause], ...] = (
     ("SoapySDR", "sample rate", Cause.RATE),
     ("SoapySDR", "frequency", Cause.FREQUENCY),
 )
-"""Known messages: program, part of its output, and the cause; the first match counts."""
+"""Known messages of radio programs: program, part of its output, and cause; the first match
+counts."""
 
 
 _NOT_LISTED = (

@@ -32,22 +32,27 @@ from uavrt.radio.receivers.radio_programs import PROGRAMS, commands_before, rece
 from uavrt.radio.sample_stream import StreamSource
 
 _STARTUP_S: Final = 10.0
-"""Maximum time to a program's first sample [s]; it may load firmware first."""
+"""Maximum time from the start of a radio's program to its first sample [s]; it opens the radio
+and may load firmware."""
 _STALL_S: Final = 1.0
 """Time without samples after which the radio counts as stalled [s]."""
 _TERMINATE_S: Final = 2.0
-"""Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx needs 0.1 s."""
+"""Time from SIGTERM to SIGKILL for a radio's program [s]; airspy_rx stops within 0.1 s unless
+its USB transfers hang."""
 _FIRST_LINES: Final = 4
-"""Number of first error lines kept, as the cause may precede a long help text."""
+"""Number of lines stored from the start of a program's error output, where the cause of a
+failure stands; a long help text may follow."""
 _LINES: Final = 8
 _PROGRESS: Final = ("Streaming at", "MiB / ", "Stop with Ctrl-C", "call hackrf_")
-"""Parts of the progress lines of some radio programs, which are ignored."""
+"""Parts of progress lines that some radio programs print every second; lines that contain one
+of them are ignored."""
 
 _LOST_SAMPLES: Final = re.compile(r"\b(\d+) samples (?:lost|dropped)\b")
 """Pattern of a radio program's message with the number of lost samples. Programs without such a
 message are monitored by the arrival times of samples."""
 _OVERRUNS: Final = re.compile(r"\b(\d+) overruns, longest (\d+) bytes\b")
-"""Message by which hackrf_transfer -B reports its overruns, without lost samples."""
+"""Pattern of the message in which hackrf_transfer -B reports the number of buffer overruns; the
+number of lost samples is not in it."""
 _RATE: Final = re.compile(r"(\d+(?:\.\d+)?) ?(MSPS|kS/s)")
 """Pattern of a sample rate as printed by airspy_info and airspyhf_info."""
 
@@ -239,7 +244,11 @@ class ProgramSource(StreamSource):
         return " or ".join(f"{rate:.0f}" for rate in sorted(rates))
 
     def _store_line(self, line: str) -> None:
-        """Store a line of stderr: the first lines and causes stay, of others the newest."""
+        """Store a line of stderr for error texts.
+
+        The first lines and lines that show a cause stay stored; of the other lines, the newest
+        stay.
+        """
         most = _LINES if cause_of(self._program, line) is not None else _FIRST_LINES
         (self._first if len(self._first) < most else self._lines).append(line)
 
@@ -275,7 +284,7 @@ def _run(
 
 
 _DEVICE_LINE = re.compile(r"^ *(\d+): .*SN: (\S+) *$", re.M)
-"""Line in librtlsdr's list of devices: `` 0: Realtek, RTL2838UHIDIR, SN: 00000001``."""
+"""Pattern of librtlsdr's device lines: `` 0: Realtek, RTL2838UHIDIR, SN: 00000001``."""
 _MOST_PLACES = 16
 
 

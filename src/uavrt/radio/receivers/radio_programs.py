@@ -15,7 +15,10 @@ PROGRAMS: dict[str, RadioRow] = {kind: row for kind, row in RADIOS.items() if ro
 
 
 def receive_command(settings: RadioSettings, center_frequency_hz: float) -> list[str]:
-    """Command that writes the radio's samples to stdout; `ConfigError` if unsupported."""
+    """Command line of the program that writes the radio's samples to stdout.
+
+    Raises `ConfigError` for a setting that the radio does not support.
+    """
     program = PROGRAMS[_known(settings.kind)]
     gain = (program.default_gain or 0) if settings.gain is None else settings.gain
     lowest, highest = program.gains

@@ -27,7 +27,8 @@ _TIMEOUT: Final = -1
 _OVERFLOW: Final = -4
 _HAS_TIME: Final = 1 << 2
 _ROUNDING_S: Final = 1e-4
-"""Maximum difference of a driver's time from the expected one that is no gap [s]."""
+"""Maximum difference between a driver's time stamp and the expected time that counts as
+rounding and not as a gap [s]."""
 _SAME: Final = 1e-4
 _SAME_HZ: Final = 1000.0
 """Maximum accepted difference between the requested and the actual radio frequency [Hz]."""
@@ -36,7 +37,10 @@ log = get_logger()
 
 
 class SoapySource(LiveSource):
-    """Reads samples by SoapySDR; `serial`: a number or a device string (``driver=lime``)."""
+    """Reads samples through a SoapySDR driver.
+
+    The setting `serial` is a serial number or a device string such as ``driver=lime``.
+    """
 
     RATE_REMEDY = RADIO_RATE_REMEDY
 
@@ -76,7 +80,10 @@ class SoapySource(LiveSource):
             raise self._error(str(error)) from error
 
     def _set(self, center_frequency_hz: float) -> None:
-        """Configure the radio and check the values in effect, which may be the nearest ones."""
+        """Configure the radio and check the values in effect.
+
+        Drivers may select the nearest supported value in place of the requested one.
+        """
         device, settings = self._device, self._settings
         device.setSampleRate(_RX, 0, self.sample_rate_hz)
         if abs(device.getSampleRate(_RX, 0) / self.sample_rate_hz - 1.0) > _SAME:

@@ -40,7 +40,10 @@ class ArrivalRate:
         """Delay of arrivals before the last pause [s]; infinite once the sender caught up."""
 
     def arrived(self, received: int, now_ns: int, *, full: bool = False) -> None:
-        """Add samples received up to a time; not used if `full`, as the sender had to wait."""
+        """Add the number of samples that were received up to a time.
+
+        `full`: the buffer was full, so the sender had to wait; such arrivals are not used.
+        """
         if full:
             return
         if self._first_ns is None:

@@ -27,7 +27,8 @@ from typing import Final
 import numpy as np
 
 CELL_S: Final = 0.020
-"""Minimum length of a cell of arrivals [s]; USB transfers last 5 to 65 ms."""
+"""Minimum length of a cell [s]: a period for which the smallest lateness of arrivals is stored.
+USB transfers last 5 to 65 ms."""
 SLOWEST_RATE: Final = 75e-6
 """Greatest relative amount by which the clock of a radio may be slow; arrivals that become
 later more quickly than this show lost samples."""
@@ -36,43 +37,51 @@ HALVED_S: Final = 0.036
 """Longest loss at the edge of a transfer that is placed half before and half after the edge
 [s], so that no sample's time is wrong by more than half of the loss."""
 _CELLS: Final = 100
-"""Number of stored cells (smallest lateness in each 20 ms): two seconds."""
+"""Number of stored cells (periods of 20 ms, each with its smallest lateness of arrivals): two
+seconds."""
 _WINDOW_S: Final = 1.0
 """Longest period of late arrivals that is examined for a loss [s]. The period is extended to
 `_WINDOW_CELLS` cells if the radio's program writes long blocks at once; by default rtl_sdr
 writes half a second at 250 kS/s."""
 _WINDOW_CELLS: Final = 6
 _LEAST_CELLS: Final = 3
-"""Minimum number of late cells that shows a loss; two stalls make fewer late."""
+"""Minimum number of late cells (periods of 20 ms or more) that shows a loss; two stalls make
+fewer cells late."""
 _NEWEST: Final = 4
-"""Number of newest cells that determine the present lateness of arrivals."""
+"""Number of newest cells (periods of 20 ms or more) that determine the present lateness of
+arrivals."""
 _QUIET_S: Final = 1.0
-"""Time after a loss in which the usual lateness is not updated [s]."""
+"""Time after a loss in which the usual lateness is not updated, because arrivals may still show
+a further part of the loss [s]."""
 _EVIDENCE: Final = 14.0
 """Log odds above which late arrivals count as a loss and not as jitter: a false alarm in one of
 10⁶ tests. There are 40 mostly dependent tests a second."""
 _EVIDENCE_KNOWN: Final = 7.0
-"""Log odds above which lateness within `_KNOWN_S` of a known loss is a loss too."""
+"""Log odds above which late arrivals count as a loss and not as jitter within `_KNOWN_S` after
+a known loss."""
 _KNOWN_S: Final = 10.0
 _FLOOR_S: Final = 0.002
-"""Minimum lateness above jitter that shows a loss [s]; clock drift causes less."""
+"""Minimum lateness of arrivals above jitter that shows a loss [s]; clock drift causes less."""
 _LEVEL_S: Final = 0.006
 _LEVEL_SLOPE: Final = 0.06
-"""Rise of lateness [s/s] above which the radio's program is slow, without losses."""
+"""Rise of the lateness with time [s/s] above which the radio's program is slow and no samples
+are lost."""
 _CLIMB_S: Final = 0.35
 _LEVEL_AFTER_CLIMB_S: Final = 1.5
 _SUSPECT_S: Final = 0.008
 """Lateness of arrivals above which a loss of samples is suspected [s]."""
 _SUSPECT_MAX_S: Final = 0.35
 _SHARP: Final = 0.6
-"""Minimum share of lateness within `_BEFORE_S` of a step; a smaller one is a drift."""
+"""Minimum fraction of the lateness that arises within `_BEFORE_S` if samples were lost in one
+step; a smaller fraction shows a drift."""
 _BEFORE_S: Final = 0.5
 _SURE_SHARE: Final = 0.0008
-"""Fraction lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""
+"""Fraction of samples lost in the last `_SHARE_S` that no clock error explains (800 ppm)."""
 _SHARE_S: Final = 30.0
 _EARLY_CELLS: Final = 12
 _PACE_BIN_S: Final = 0.25
-"""Length of the periods for measuring a source's speed by smallest delays [s]."""
+"""Length of the periods in which the smallest delay of arrivals is stored to measure a source's
+speed [s]."""
 _UNSETTLED_BINS: Final = 2
 """Number of newest periods that are ignored when a source's speed is measured, because the
 source may still catch up after a stall in them."""
@@ -82,15 +91,17 @@ below which the delays rise evenly, as those of a slow source do. Sources at 0.9
 real time have a scatter of 0.1 to 0.5 in the shorter and 0.1 to 0.9 in the longer period, even
 on a busy computer. Losses of 1 to 15 % of the samples give at least 0.54 and 0.93."""
 _UNEVEN: Final = 3.0
-"""Ratio of the delays' scatter to its limit above which they rise in steps (losses)."""
+"""Ratio of the delays' scatter to its limit in `_PACE_SPANS` above which delays rise in steps,
+as by lost samples."""
 _SLOW_RATE: Final = 0.003
-"""Rise of the delays [s/s] above which a source may be slower than real time."""
+"""Rise of arrival delays [s/s] above which a source may be slower than real time."""
 _SCATTER_S: Final = 0.0005
 _SCATTER_SHARE: Final = 0.002
 """Fraction of the rise of the delays that is added to `_SCATTER_S`. The scatter of the delays
 is divided by the sum, which makes it relative."""
 _STEP: Final = 2.0
-"""Minimum ratio of a loss's step in delay to the rises before and after it."""
+"""Minimum ratio of the step in the delay of arrivals at a loss to the rises of the delay before
+and after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,9 +110,11 @@ class Loss:
 
     duration_s: float
     since_s: float
-    """Position where the late arrivals begin [s]: samples over the nominal rate."""
+    """Position in the stream at which the late arrivals begin [s]: number of samples divided by
+    the nominal rate."""
     sharp: bool
-    """True if the delay rose within half a second, as at a step; False for a drift."""
+    """True if the arrivals' delay rose within half a second, as at a step; False for a
+    drift."""
     inside_s: float
     """Length of the late transfer if the loss is inside it [s]; 0 if it is before."""
     sure: bool
@@ -114,7 +127,7 @@ class _Cell:
     end_s: float
     late_s: float
     fresh: bool
-    """True if these samples arrived in real time; False while the sender caught up."""
+    """True if this period's samples arrived in real time; False while the sender caught up."""
     single: bool
     """True if all samples of this period arrived at once, in one transfer."""
 
@@ -130,7 +143,7 @@ class SourcePace:
         self._delays: deque[tuple[float, float]] = deque()
         """Nominal time of each period and its smallest delay [s], not corrected for losses."""
         self.slow = False
-        """True once delays have risen evenly: the source is slower than real time."""
+        """True once arrival delays have risen evenly: the source is slower than real time."""
         self.stepped = self.still = False
         """`stepped`: True if delays rose in steps. `still`: True if delays do not rise now."""
 
@@ -196,7 +209,8 @@ class LossFinder:
         self._lowest_s = math.inf
         self._newest_at_s = 0.0
         self._late_from_s: float | None = None
-        """Position where the present late arrivals begin [nominal s]; None if not late."""
+        """Position where the present late arrivals begin [nominal s]; None if there are
+        none."""
         self._known_until_s = -math.inf
         self._loss_at_s = -math.inf
         self._slow: deque[tuple[float, float]] = deque()
@@ -363,7 +377,10 @@ class LossFinder:
         return self._loss(best)
 
     def _has_settled(self, count: int) -> bool:
-        """True if the lateness is constant since its rise, unlike that of a stall."""
+        """True if the lateness has been constant for long enough after its rise.
+
+        A stall makes the lateness rise only briefly.
+        """
         cells = list(self._cells)
         lowest_s = min(cell.late_s for cell in cells[-count:])
         first = len(cells) - count

@@ -18,7 +18,8 @@ from uavrt.radio.timing.losses import HALVED_S
 from uavrt.radio.timing.sample_times import NominalTimes, TimeKeeper
 
 HOLD_S: Final = 0.13
-"""Maximum time for which samples wait for a decision on a loss [s]: two transfers."""
+"""Maximum time for which samples beyond a full block are held back until it is certain whether
+samples were lost [s]: two transfers."""
 _LOG_S: Final = 10.0
 _BURST_NS: Final = 1_000_000
 """Maximum time between arrivals that belong to one write of the radio's program [ns]."""
@@ -27,7 +28,8 @@ _LONG_WRITE_S: Final = 0.040
 write the loss is placed at the end, so that the times of samples before the loss are
 correct."""
 _LEAST_S: Final = 0.001
-"""Minimum duration before a late arrival that is passed on as its own block [s]."""
+"""Minimum duration of the samples before a late arrival that are passed on as a separate block
+[s]."""
 
 log = get_logger()
 
@@ -126,7 +128,10 @@ class Placer:
             self._last = (0, now_ns)
 
     def arrived(self, held: int, now_ns: int, *, full: bool = False) -> None:
-        """Register `held` samples by a time [ns, UTC]; `full`: not paced, the sender waits."""
+        """Register that `held` samples have arrived by a time [ns, UTC].
+
+        `full`: the buffer is full and the sender has to wait, so its rate cannot be measured.
+        """
         self._arrival_rate.arrived(self.index - self.lost + held, now_ns, full=full)
         if self._nominal is not None:
             return
@@ -148,7 +153,10 @@ class Placer:
         return not (self._keeper.undecided or self._keeper.may_suspect)
 
     def add_lost(self, samples: int, held: int = 0) -> None:
-        """Add a loss that the radio reports; `held` waiting samples arrived before it."""
+        """Add a number of lost samples that the radio reports.
+
+        `held`: number of waiting samples that arrived before the loss.
+        """
         left = self._keeper.skip(samples)
         if left <= 0:
             return

@@ -29,24 +29,28 @@ from uavrt.radio.timing.losses import SLOWEST_RATE, Loss, LossFinder
 _BIN_S = 0.5
 """Length of the periods in which the earliest arrival of samples is stored [s]."""
 _BINS = 600
-"""Number of stored periods: 5 min, in which a clock's rate changes below 1 ppm."""
+"""Number of stored periods of arrivals: 5 min, in which the rate of a clock changes by less
+than 1 ppm."""
 _FIT_BINS = 8
 """Minimum number of periods of arrivals from which a clock's rate is estimated."""
 _MEASURED_AFTER_S = 30.0
-"""Time from the start in which the nominal rate is reported, because of jitter [s]."""
+"""Time from the start in which the nominal sample rate is reported, because jitter dominates
+the measured rate [s]."""
 _MAX_RATE_ERROR = 500e-6
 """Maximum relative error of a radio's clock; above it the nominal rate is wrong."""
 _PRIOR_RATE_ERROR = 30e-6
-"""Assumed standard deviation of radios' clocks (Airspy 0.5, HackRF 20, RTL 50 ppm)."""
+"""Standard deviation of the relative clock errors of radios, assumed before measuring (Airspy
+0.5, HackRF 20, RTL 50 ppm)."""
 _FAST_SLEW = 1000e-6
 _SLEW = 200e-6
-"""Maximum correction of sample times [s/s]; 1.25 s are then wrong by 0.25 ms."""
+"""Maximum rate at which sample times are corrected [s/s]; an interval of 1.25 s is then wrong
+by at most 0.25 ms."""
 _FAST_SLEW_UNTIL_S = 10.0
 _SETTLE_S = 2.0
 """Time from the start of a stream [s] in which samples that arrive at once count as delayed by
 the writer; later they count as a replay."""
 _NOT_LIVE_S = 0.5
-"""Earliness [s] above which the stream counts as a replay and not as live."""
+"""Earliness of samples [s] above which the stream counts as a replay and not as live."""
 _REPORT_DELAY_S = 3.0
 """Maximum time between the detection of a loss from arrival times and the radio program's
 report of that loss [s]; a later report is another loss."""
@@ -98,7 +102,8 @@ class TimeKeeper:
         self.unsure_samples = 0
         """Number of samples returned as lost that may be due to a wrong clock rate instead."""
         self.inside = 0
-        """Length of the transfer [samples] with the last loss; 0 if the loss is before it."""
+        """Length of the late transfer with the last loss [samples]; 0 if the loss is before
+        it."""
         self._loss_at_s = -math.inf
         self._credit_s = 0.0
         self._bins = np.zeros((_BINS, 2))
@@ -231,7 +236,10 @@ class TimeKeeper:
         self._bin_count += 1
 
     def lost_samples(self) -> int:
-        """Samples found lost since the last call, which the caller adds to its index."""
+        """Number of lost samples found from arrival times since the last call.
+
+        The caller must add this number to its sample index.
+        """
         lost = round(self._lost_s * self._nominal_hz)
         if lost:
             self._given_s += lost / self._nominal_hz
@@ -240,7 +248,10 @@ class TimeKeeper:
         return lost
 
     def skip(self, samples: int) -> int:
-        """Skip samples reported as lost; return how many arrival times had not shown."""
+        """Skip samples that the radio reports as lost; return the number still to be counted.
+
+        A loss that arrival times have already shown is not counted twice.
+        """
         seconds = samples / self._nominal_hz
         if self._given_s > self._loss_at_s + _REPORT_DELAY_S:
             self._credit_s = 0.0
@@ -253,7 +264,10 @@ class TimeKeeper:
         return left
 
     def time_ns(self, index: int) -> int:
-        """Time of a sample [ns, UTC], index not decreasing; `ValueError` before any arrival."""
+        """Time of a sample [ns, UTC]; `index` must not decrease from call to call.
+
+        Raises `ValueError` before the first arrival.
+        """
         if self._start_ns is None:
             raise ValueError("no samples have arrived yet, so there is no start time")
         self._asked = True

@@ -34,10 +34,12 @@ from uavrt.simulation.scene.scenario import Scenario
 
 STOP_TIMEOUT_S = 15.0
 PORTS = range(61_000, 65_400)
-"""UDP ports to choose from; Linux never assigns them (``ip_local_port_range``)."""
+"""UDP ports from which free ones are chosen; Linux never assigns them
+(``ip_local_port_range``)."""
 _ports = cycle(random.SystemRandom().sample(PORTS, len(PORTS)))
 _END_WITH_US = ("setpriv", "--pdeathsig", "TERM", "--") if shutil.which("setpriv") else ()
-"""Command prefix by which the kernel ends a program together with the demo."""
+"""Command prefix that makes the kernel end a program of the demo when the demo's process
+ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,7 +38,8 @@ from uavrt.simulation.scene.world import World
 from uavrt.simulation.vehicle.airframe import Flavour
 
 START_LEAD_S = 2.5
-"""Time by which programs start before the world [s]; they need 1.5 s."""
+"""Time by which the programs start before the simulated world [s]; they need 1.5 s to be
+ready."""
 READY_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 15.0
 REFRESH_S = 0.25
@@ -283,7 +284,10 @@ class Demo:
 
 
 def not_started(ground: Program, where: str = "") -> UavrtError:
-    """Error with the last output of a ground station that did not start detection."""
+    """Create the error for a ground station that failed to start detection.
+
+    Its last output is part of the error.
+    """
     last = ground.last_line()
     return UavrtError(
         f"detection did not start{where}" + (f": {last}" if last else ""),

@@ -25,7 +25,8 @@ from uavrt.simulation.vehicle.airframe import Flavour
 
 RADIUS_M = 260.0
 ACCURACY_M = 35.0
-"""Target accuracy in the demo [m]; an animal that walks is seldom located better."""
+"""Target accuracy of positions in the demo's search [m]; an animal that walks 30 m away is
+seldom located better."""
 BATTERY_WH = 120.0
 SPEED_M_S = 8.0
 START_LEAD_S = 2.0

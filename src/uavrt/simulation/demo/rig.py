@@ -57,7 +57,10 @@ class SimulatedDrone:
 
 
 class Rig:
-    """Starts programs, and ends them with its block; `flavour`: simulated autopilots."""
+    """Starts programs, and ends them all when its `with` block ends.
+
+    `flavour`: kind of autopilot that the drones simulate.
+    """
 
     def __init__(self, flavour: Flavour = "px4") -> None:
         self._stack, self._flavour = ExitStack(), flavour

@@ -19,7 +19,7 @@ from uavrt.simulation.scene.world import TruePulse
 
 DETECTABLE_ENR_DB = 14.0
 MATCH_TIME_S = 0.02
-"""Largest time error of a detected pulse [s]: its width, ten times the usual error."""
+"""Largest time error of a detected pulse [s]: a pulse width, ten times the usual error."""
 MATCH_FREQUENCY_HZ = 100.0
 _ROUNDED_NS = 2000
 

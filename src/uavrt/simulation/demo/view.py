@@ -170,7 +170,10 @@ class DemoView:
         ]
 
     def _process_table(self, *, narrow: bool) -> RenderableType:
-        """Table of processes; `narrow`: two in a row, with the status of faulty ones only."""
+        """Table of the processes.
+
+        `narrow`: show two processes in each row, and the status of faulty processes only.
+        """
         table = plain_table(*(2 * ("process", "CPU", "MB") if narrow else _PROCESSES))
         known = {one.process: one for one in (self.status.processes if self.status else ())}
         rows: list[list[RenderableType]] = []

@@ -23,7 +23,10 @@ _YOUNG_S = 60.0
 
 @contextmanager
 def workplace(prefix: str) -> Iterator[Path]:
-    """Create a demo's directory, removed at its end, or after a failure by the next demo."""
+    """Create a directory for a demo and remove it at the end.
+
+    After a failure it stays until the next demo starts.
+    """
     sweep(Path(tempfile.gettempdir()))
     place = Path(tempfile.mkdtemp(prefix=prefix))
     with (place / LOCK).open("w") as lock:

@@ -83,7 +83,10 @@ def pattern_db(antenna: Antenna, direction_body: geometry.Vector) -> float:
 def transverse_axes(
     direction: geometry.Vector, down: geometry.Vector
 ) -> tuple[geometry.Vector, geometry.Vector]:
-    """Unit vectors perpendicular to a ray, horizontal and upright; `down`: the down axis."""
+    """Two unit vectors perpendicular to a ray, one horizontal and one upright.
+
+    `down`: direction of the down axis.
+    """
     horizontal = geometry.cross(down, direction)
     if geometry.length(horizontal) < 1e-9:
         horizontal = geometry.cross((1.0, 0.0, 0.0), direction)

@@ -23,7 +23,8 @@ class AntennaSwitch(ScenarioRecord):
     """Antenna switch of a scenario: table ``[antenna.switch]``."""
 
     kind: Literal["circle", "pair", "sum_difference"] = "circle"
-    """Antennas: a circle, a pair (left and right), or sum and difference of a pair."""
+    """Arrangement of the antennas: a circle, a pair (left and right), or sum and difference of
+    a pair."""
     elements: Annotated[int, Ge(3), Le(16)] = 4
     """Number of antennas on a circle; the first points ahead, the others follow clockwise."""
     size_m: Annotated[float, Gt(0), Le(5)] = 0.4
@@ -48,7 +49,10 @@ class AntennaSwitch(ScenarioRecord):
         return min(settle, self.dwell_samples(sample_rate_hz) - 1)
 
     def metadata(self, sample_rate_hz: float) -> dict[str, Any]:
-        """Metadata of the switch, which give the antenna of each sample of a recording."""
+        """Description of the switch for a recording's metadata.
+
+        It determines which antenna received each sample.
+        """
         return {
             "kind": self.kind,
             "positions": self.positions,
@@ -62,7 +66,10 @@ class AntennaSwitch(ScenarioRecord):
 def position_weights(
     switch: AntennaSwitch, direction_body: geometry.Vector, wavelength_m: float
 ) -> NDArray[np.complex128]:
-    """Amplitudes of a plane wave at the switch positions; direction to its source (FRD)."""
+    """Complex amplitude of a plane wave at each switch position.
+
+    `direction_body`: unit vector in the drone's frame (FRD) towards the source.
+    """
     turns_per_m = 1.0 / wavelength_m
     if switch.kind == "circle":
         weights = []

@@ -20,7 +20,8 @@ SEARCHED_ENR_DB = 24.0
 home with the antenna pointed at the animal."""
 SEARCH_HEIGHT_M = 40.0
 _SHORTEST_TURN_S = 7.8
-"""Shortest duration of a full turn [s]: 46°/s on average, 57.7°/s at most."""
+"""Shortest duration of a full turn [s]; the turn rate is then 46°/s on average and 57.7°/s at
+most."""
 CODED_HZ = 148_640_000.0
 _APART_M = 120.0
 _ABOVE_M = 10.0
@@ -54,7 +55,10 @@ def demo_scenario(duration_s: float = 60.0, seed: int = 1, *, coded: bool = Fals
 
 
 def fleet_scenarios(drones: int, first: Scenario) -> list[Scenario]:
-    """Create several drones' worlds; each starts 120 m south of the last, 10 m higher."""
+    """Create a world for each of several drones.
+
+    Each drone starts 120 m south of the previous drone and 10 m higher.
+    """
     return [
         replace(first, flight=_moved(first.flight, number * -_APART_M, number * _ABOVE_M))
         for number in range(drones)
@@ -221,7 +225,10 @@ def _turn_s(duration_s: float) -> float:
 
 
 def _move_s(duration_s: float) -> float:
-    """Duration of each flight between turns [s]: four fifths, without the turns."""
+    """Duration of each flight between turns [s].
+
+    Four fifths of the demo, minus the turns, are divided between the flights.
+    """
     return (0.8 * duration_s - 3.0 * _turn_s(duration_s)) / 2.0
 
 

@@ -92,7 +92,10 @@ def _wobble(flight: Flight, elapsed_s: float, height_m: float, phase: float) -> 
 
 
 def vehicle_state(flight: Flight, elapsed_s: float) -> VehicleState:
-    """Position and attitude at a time [s]; it tilts to accelerate and against drag."""
+    """Compute the drone's position and attitude at a time of the flight [s].
+
+    Roll and pitch are those that a multirotor needs to accelerate and to fly against drag.
+    """
     place = (flight.north_m, flight.east_m, flight.height_m)
     heading = flight.heading_deg
     velocity = acceleration = (0.0, 0.0, 0.0)

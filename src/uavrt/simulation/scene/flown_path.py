@@ -17,14 +17,18 @@ from uavrt.simulation.scene.flight import VehicleState
 from uavrt.simulation.scene.geometry import TangentPlane, from_euler_deg
 
 _RECORD = struct.Struct("<q4d")
-"""Record: time [ns, UTC], latitude, longitude [°], altitude above the sea [m], heading [°]."""
+"""Binary layout of a record: time [ns, UTC], latitude, longitude [°], altitude above the sea
+[m], heading [°]."""
 _AHEAD_S = 0.5
-"""Longest extrapolation of a path [s]; a buffer of the radio lasts 0.02 s."""
+"""Longest extrapolation beyond the last record [s]; a buffer of the radio lasts 0.02 s."""
 _STEP_NS = 10_000_000
 
 
 class PathWriter:
-    """Writes a path to a new file in place of an old one; may raise `OSError`."""
+    """Writes a vehicle's path to a new file, which replaces the file of a previous run.
+
+    Raises `OSError` if the file cannot be written.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -47,7 +51,10 @@ class PathWriter:
 
 
 class FlownPath:
-    """Reads states of the vehicle from its path's file; keeps the last `keep_s`."""
+    """Reads the state of the vehicle at a time from the file of its path.
+
+    The last `keep_s` of the path stay in memory.
+    """
 
     def __init__(self, path: Path, plane: TangentPlane, *, keep_s: float | None = None) -> None:
         self._path, self._plane = path, plane
@@ -58,7 +65,9 @@ class FlownPath:
         """Position north, east and up of home [m], and heading [°], for each record."""
 
     def state(self, time_ns: int) -> VehicleState | None:
-        """State at a time, extrapolated by up to 0.5 s; None before the first record."""
+        """State of the vehicle at a time, extrapolated by at most 0.5 s; None before the first
+        record.
+        """
         if not self._times_ns or self._times_ns[-1] < time_ns:
             self._read()
         if not self._times_ns:

@@ -82,7 +82,10 @@ class Link:
 def ground_reflection(
     propagation: Propagation, grazing_rad: float, frequency_hz: float, *, horizontal: bool
 ) -> complex:
-    """Fresnel reflection by polarization; the permittivity is ε - j·18·10⁹·σ/f."""
+    """Fresnel reflection coefficient of the ground, for horizontal or vertical polarization.
+
+    The permittivity is ε - j·18·10⁹·σ/f.
+    """
     permittivity = complex(
         propagation.ground_permittivity,
         -18e9 * propagation.ground_conductivity_s_m / frequency_hz,
@@ -143,7 +146,10 @@ def _rays(
     *,
     horizontal: bool,
 ) -> Iterator[tuple[geometry.Vector, complex]]:
-    """Tag and mirror images with their factors; the plane is through the ground below."""
+    """Position of the tag and of its mirror images, each with its reflection factor.
+
+    The reflecting ground is a plane through the ground points beneath tag and antenna.
+    """
     yield tag, 1.0
     if propagation.model == "two_ray":
         over_ground = math.hypot(tag[0] - antenna[0], tag[1] - antenna[1])

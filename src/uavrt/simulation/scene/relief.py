@@ -20,7 +20,8 @@ from uavrt.simulation.scene.record import ScenarioRecord
 
 _Floats = NDArray[np.float64]
 Heights = Callable[[_Floats, _Floats], _Floats]
-"""Returns the height of the ground [m] at metres north and east of home."""
+"""Function that returns the height of the ground [m], in any datum, at metres north and east of
+home."""
 _STEP_M = 10.0
 _CLOSE_POINTS = 100
 _EARTH_M = 4.0 / 3.0 * 6_371_000.0
@@ -46,7 +47,10 @@ class Relief:
 
     @classmethod
     def of_files(cls, terrain: Terrain, plane: geometry.TangentPlane) -> "Relief | None":
-        """Open elevation files, None without any; `FormatError` if one is unreadable."""
+        """Open elevation files; None if no files are given.
+
+        Raises `FormatError` if a file cannot be read.
+        """
         if terrain.dem is None:
             return None
         elevation = open_elevation(Path(terrain.dem), sea=terrain.sea)

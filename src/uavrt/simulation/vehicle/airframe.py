@@ -8,11 +8,13 @@ from uavrt.simulation.scene import geometry
 
 Flavour = Literal["px4", "ardupilot"]
 HOLD_HEADING_M = 2.0
-"""Distance above which the drone faces its target [m]; nearer, its heading stays."""
+"""Distance to the target above which the drone faces the target [m]; closer to it, the heading
+does not change."""
 LINE_TOLERANCE_M = 0.8
-"""Distance from the line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
+"""Distance from the flight line that PX4 tolerates until `HOLD_HEADING_M` from its end [m]."""
 VELOCITY_TIMEOUT_S = 3.0
-"""Time after which ArduCopter zeroes a velocity not repeated [s] (GUID_TIMEOUT)."""
+"""Time after which ArduCopter sets a velocity setpoint to zero if it is not repeated [s]
+(GUID_TIMEOUT)."""
 RETURN_SPEED_M_S = 0.4
 """Speed below which the drone starts to fly back to the target after an overshoot [m/s]."""
 
@@ -26,7 +28,8 @@ class Frame:
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
     position_gain_hz: float = math.inf
-    """Highest speed over distance from the target [1/s] (PSC_POSXY_P, MPC_XY_P)."""
+    """Ratio of the highest allowed speed to the distance from the target [1/s] (PSC_POSXY_P,
+    MPC_XY_P)."""
     gust_m: float = 0.2
     """Standard deviation of the drone's position due to gusts [m]."""
     hover_w: float = 400.0
@@ -36,9 +39,11 @@ class Frame:
     """Wind velocity to the north and east [m/s]."""
     airspeed_m_s: float = 12.0
     drag_share: float = 0.1
-    """Drag power at 10 m/s over hover power; it grows with the airspeed's cube."""
+    """Power against drag at an airspeed of 10 m/s, as a fraction of the hover power; it grows
+    with the cube of the airspeed."""
     return_height_m: float = 30.0
-    """Minimum height of the return [m]: RTL_RETURN_ALT (PX4), RTL_ALT (ArduPilot)."""
+    """Minimum height of the return flight [m]: RTL_RETURN_ALT (PX4, 60 m by default), RTL_ALT
+    (ArduPilot, 15 m)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +69,8 @@ class _Braking:
     early_s: float
     """Time by which braking begins earlier because the jerk is limited [s]."""
     early_while_accelerating_s: float
-    """Time by which braking begins earlier while accelerating to the target [s]."""
+    """Time by which braking begins earlier if the vehicle is still accelerating towards the
+    target [s]."""
 
 
 _BRAKING: dict[Flavour, _Braking] = {
@@ -153,7 +159,10 @@ class Airframe:
         )
 
     def move(self, target: Target | None, step_s: float, *, paused: bool) -> None:
-        """Move for `step_s` to target or by velocity setpoint; without both, stop."""
+        """Move the vehicle for `step_s`, to its target or with its velocity setpoint.
+
+        Without a target and a setpoint the vehicle stops.
+        """
         climb, level = 0.0, (0.0, 0.0, 0.0)
         if self.velocity_setpoint is not None:
             velocity, asked_s = self.velocity_setpoint

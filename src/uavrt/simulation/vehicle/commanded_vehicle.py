@@ -25,7 +25,8 @@ SLOWEST_NS: dict[str, dict[int, int]] = {
     "px4": {dialect.CurrentMode.ID: ns_from_s(0.5)},
     "ardupilot": {},
 }
-"""Message periods that no request changes [ns], by autopilot and message id."""
+"""Message periods that a request cannot change [ns], by autopilot and message id: CURRENT_MODE
+of PX4 1.17."""
 _OF_VEHICLE: dict[int, Callable[[FlyingVehicle, int], Message | None]] = {
     dialect.GlobalPositionInt.ID: position_message,
     dialect.PositionTargetGlobalInt.ID: target_message,
@@ -37,14 +38,15 @@ _OF_VEHICLE: dict[int, Callable[[FlyingVehicle, int], Message | None]] = {
     dialect.Wind.ID: wind_message,
     dialect.WindCov.ID: wind_message,
 }
-"""Message makers by id, from the vehicle and the time since boot [ms]."""
+"""Functions that create a message from the vehicle and the time since boot [ms], by message
+id."""
 FLOWN_IDS = frozenset({*_OF_VEHICLE, dialect.RcChannels.ID, dialect.SysStatus.ID})
 _BOTH = FLOWN_IDS - {dialect.CurrentMode.ID, dialect.Wind.ID, dialect.WindCov.ID}
 REQUESTABLE_IDS: dict[str, frozenset[int]] = {
     "px4": _BOTH | {dialect.CurrentMode.ID, dialect.WindCov.ID},
     "ardupilot": _BOTH | {dialect.Heartbeat.ID, dialect.Wind.ID},
 }
-"""Requestable messages, by autopilot: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
+"""Ids of requestable messages, by autopilot: PX4 refuses HEARTBEAT, ArduPilot CURRENT_MODE."""
 CENTRE_US = 1500
 
 

@@ -38,7 +38,7 @@ SETPOINT_AGE_S = 0.04
 """Largest age of a reported heading setpoint [s]. It varies the change between two reports by a
 quarter, as in PX4 1.17 (SIH)."""
 SETTLED_DEG = 0.3
-"""Difference [°] below which PX4's setpoint equals the commanded heading."""
+"""Difference from the commanded heading [°] below which PX4's setpoint equals it."""
 _TURNING: dict[Flavour, _Turning] = {
     "px4": _Turning(65.0, 90.0, setpoint=_Turning(60.0, 20.0, braking_share=1.0, gain_hz=10.0)),
     "ardupilot": _Turning(200.0, 185.0),

@@ -31,14 +31,15 @@ HOME_CORRECTED_S, HOME_STEP_S = 120.0, 0.3
 HOME_DRIFT_M, HOME_NOISE_M, HOME_LEAST_M = 6.0, 1.5, 1.0
 """Total correction of home's altitude, spread of single ones, and the smallest one [m]."""
 DO_PAUSE_CONTINUE = 193
-"""Command by which ground stations pause a flight; uavrt never sends it."""
+"""Number of the command by which ground stations pause a flight; uavrt never sends it."""
 FULL_SCALE_DEG = 1e7
 SPOOL_S = 1.5
 """Time from the take-off command until the vehicle leaves the ground [s]."""
 IDLE_S = 10.0
 """Time until an armed vehicle on the ground disarms [s] (COM_DISARM_PRFLT, DISARM_DELAY)."""
 NOT_GIVEN = 2**31 - 1
-"""INT32_MAX: a latitude or longitude not given, like NaN in a COMMAND_LONG."""
+"""Value INT32_MAX, which marks a latitude or longitude as not given, like NaN in a
+COMMAND_LONG."""
 
 
 class GroundContact:

@@ -20,12 +20,14 @@ from uavrt.link.mavlink.message import Message
 MOST_ITEMS = 1000
 """Largest number of items in a mission download; ArduPilot holds some 700, PX4 2000."""
 RETRY_S = 1.0
-"""Time after which a mission request is repeated [s]; a full queue empties within it."""
+"""Time after which an unanswered mission request is repeated [s]; a full send queue at 57 600
+baud empties within this time."""
 TRIES = 12
 """Number of times a mission request is sent before the transfer fails. At 20 % loss in each
 direction, one in 200 000 requests stays unanswered."""
 SILENCE_S = 6.0
-"""Silence after which an upload fails [s]; PX4 repeats for 5 s, ArduPilot for 8 s."""
+"""Time without a request from the vehicle after which a mission upload fails [s]. PX4 repeats
+its requests for 5 s, ArduPilot for 8 s."""
 LIMIT_S, LIMIT_PER_ITEM_S = 60.0, 2.0
 """Longest duration of a whole mission transfer, and additional time for each item [s]."""
 LAST_S = 3.0

@@ -24,7 +24,8 @@ from uavrt.link.mavlink.services.parameter_service import decode_value, encode_v
 
 HEARTBEAT_S = 1.0
 ANSWER_S = 0.7
-"""Longest wait for an answer [s]; a full queue at 57 600 baud empties within it."""
+"""Longest wait for the autopilot's answer [s]; a full send queue at 57 600 baud empties within
+this time."""
 TRIES = 4
 REQUEST_GAP_S = 0.03
 OWN_COMPONENT = 191
@@ -88,7 +89,9 @@ class ParameterClient:
         return values
 
     async def write(self, name: str, value: float) -> float | None:
-        """Set a parameter that was read before; return its new value, None without answer."""
+        """Set a parameter that was read before, and return its new value; None if the autopilot
+        does not answer.
+        """
         assert self.autopilot is not None
         kind = self._types.get(name, MavParamType.REAL32)
         request = dialect.ParamSet(

@@ -20,7 +20,9 @@ def attitude_sample(message: AttitudeQuaternion, time_ns: int) -> AttitudeSample
 
 
 def is_place(latitude_1e7: int, longitude_1e7: int) -> bool:
-    """True for a place [1e-7 deg] on the globe; not 0, 0, which is sent without a fix."""
+    """True if a latitude and longitude [1e-7 deg] are on the globe; False for 0, 0, which
+    autopilots send without a GNSS fix.
+    """
     on_globe = abs(latitude_1e7) <= 900_000_000 and abs(longitude_1e7) <= 1_800_000_000
     return on_globe and (latitude_1e7 != 0 or longitude_1e7 != 0)
 

@@ -27,7 +27,9 @@ class _Stream:
 
 
 class StreamRequests:
-    """Message streams to request from the autopilot, with rates and states."""
+    """Message streams to request from the autopilot, their rates, and the state of each
+    request.
+    """
 
     def __init__(self, rates_hz: dict[int, float]) -> None:
         self._streams = {

@@ -21,14 +21,17 @@ CLEAR_SPAN_S = 0.5
 WINDOW_NS = ns_from_s(20.0)
 """Age up to which a TIMESYNC round trip is used for the clock fit [ns]."""
 KEPT_SHARE = 0.6
-"""Share of round trips that the fit uses, the shortest first (of each 2 s, the best)."""
+"""Share of the TIMESYNC round trips that the clock fit uses, shortest first. The shortest of
+every 2 s are selected beforehand."""
 JUMP_NS = ns_from_s(0.08)
 """Clock error that shows a restarted autopilot, in excess of the uncertainty of round trips and
 clock rate [ns]. An error below one second must occur in two consecutive answers."""
 CLEAR_SKEW = 0.002
-"""Largest usable uncertainty of a rate fitted over less than `LEAST_SPAN_S` [s/s]."""
+"""Largest uncertainty of a clock rate error that was fitted over less than `LEAST_SPAN_S` and
+is still used [s/s]."""
 ONE_WAY_NS = ns_from_s(3.0)
-"""Time of collecting message delays, the smallest of which sets the clock [ns]."""
+"""Time for which message delays are collected before the smallest one sets the clock offset
+[ns]."""
 ONE_WAY_BIN_NS = ns_from_s(1.0)
 ONE_WAY_BINS = 20
 """Number of one-second bins of message delays that determine the clock offset. Older delays are
@@ -107,7 +110,9 @@ class TimeSync:
         return now_ns - self._trips[-1].local_ns if self._trips else None
 
     def is_stale(self, now_ns: int) -> bool:
-        """True if conversion is extrapolated or by one-way delays, without TIMESYNC answers."""
+        """True if the clock conversion is extrapolated or rests on one-way delays only, because
+        TIMESYNC answers are missing.
+        """
         age_ns = self.age_ns(now_ns)
         return age_ns is None or age_ns > STALE_NS
 
@@ -127,7 +132,9 @@ class TimeSync:
         }
 
     def add_round_trip(self, sent_ns: int, remote_ns: int, received_ns: int) -> None:
-        """Add an answered request: local times of both, boot time in the answer [ns]."""
+        """Add an answered TIMESYNC request [ns]: local times of request and answer, and the
+        autopilot's boot time in the answer.
+        """
         if received_ns < sent_ns:
             return
         trip = RoundTrip(remote_ns, (sent_ns + received_ns) // 2, received_ns - sent_ns)
@@ -192,7 +199,7 @@ class TimeSync:
         return int(least)
 
     def _error_ns(self, trip: RoundTrip) -> int:
-        """Difference between a round trip's local time and the fit's prediction [ns]."""
+        """Difference between a round trip's local time and the clock fit's prediction [ns]."""
         expected = self.local_ns(trip.remote_ns)
         assert expected is not None
         return trip.local_ns - expected

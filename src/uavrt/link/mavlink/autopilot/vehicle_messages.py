@@ -1,4 +1,6 @@
-"""Convert the autopilot's messages to guidance's records, commands to messages; no I/O."""
+"""Convert the autopilot's MAVLink messages to the vehicle state of `uavrt.guidance`, and
+commands to messages; no I/O.
+"""
 
 from collections.abc import Iterator
 from math import cos, degrees, hypot, isfinite, radians, sin
@@ -69,7 +71,9 @@ _RELATIVE = (MavFrame.GLOBAL_RELATIVE_ALT, MavFrame.GLOBAL_RELATIVE_ALT_INT)
 
 
 def kind_of(heartbeat: dialect.Heartbeat) -> AutopilotName | None:
-    """Return the kind of autopilot of a heartbeat; None if unknown, or with wings."""
+    """Return the kind of autopilot that sent a heartbeat; None if the kind is unknown or the
+    vehicle has wings.
+    """
     return _KINDS.get(heartbeat.autopilot) if heartbeat.type in _MULTIROTORS else None
 
 
@@ -153,7 +157,9 @@ def _target(message: dialect.PositionTargetGlobalInt, now_s: float) -> TargetRep
 
 
 def _rc(message: dialect.RcChannels, now_s: float) -> SticksReport:
-    """Values of all RC channels; empty without a receiver, or without its transmitter."""
+    """Values of all RC channels; empty without an RC receiver, or if the receiver has lost the
+    transmitter.
+    """
     count = min(message.chancount, MOST_CHANNELS)
     raw = [getattr(message, f"chan{number}_raw") for number in range(1, count + 1)]
     known_us = tuple(0 if one == NO_CHANNEL_US else int(one) for one in raw)

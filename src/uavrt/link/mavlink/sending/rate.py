@@ -19,7 +19,8 @@ from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
 START_BYTES_S = 1200.0
 LEAST_BYTES_S = 300.0
 MOST_BYTES_S = 3000.0
-"""Highest rate by RADIO_STATUS [bytes/s]; a SiK at AIR_SPEED 64 sends 3167."""
+"""Highest send rate that RADIO_STATUS can set [bytes/s]; a SiK radio at AIR_SPEED 64 transmits
+3167 bytes/s."""
 MOST_BY_ACKS_BYTES_S = 24_000.0
 PLAIN_BYTES_S = 2000.0
 """Send rate while neither RADIO_STATUS nor acknowledgements arrive [bytes/s]. A SiK radio at
@@ -34,10 +35,12 @@ RADIO_FRESH_NS = ns_from_s(5.0)
 ACKS_FRESH_NS = ns_from_s(30.0)
 ROUND_NS = ns_from_s(0.25)
 BASE_WINDOW = 240
-"""Rounds of 0.25 s whose smallest mean round trip counts as an empty queue's."""
+"""Number of 0.25 s rounds (one minute) over which the smallest mean round trip counts as that
+of an empty queue."""
 QUEUE_GROW_S = 0.15
 QUEUE_SHRINK_S = 0.35
-"""Queueing delay that lowers the rate [s]; a SiK radio buffers 1850 bytes, 0.6 s."""
+"""Queueing delay above which the send rate is lowered [s]. A SiK radio buffers 1850 bytes, or
+0.6 s."""
 MEAN_WEIGHT = 0.1
 QUICK_GROWTH = 1.25
 
@@ -95,7 +98,10 @@ class LinkRate:
         self._rate = min(MOST_BYTES_S, max(self._reach.least, self._rate))
 
     def acknowledged(self, trip_s: float | None, now_ns: int) -> None:
-        """Adapt the rate to an acknowledgement; `trip_s`: None for a repeated message."""
+        """Adapt the send rate to an acknowledgement.
+
+        `trip_s`: round trip time of a message that was sent once; None if it was repeated.
+        """
         self._acks_ns = now_ns
         if trip_s is None:
             return
@@ -121,7 +127,9 @@ class LinkRate:
         self._rate = min(self._reach.most, max(self._reach.least, self._rate))
 
     def wait_ns(self, now_ns: int, room_bytes: float = 0.0) -> int:
-        """Time until a message may be sent with which a pulse can still follow [ns]."""
+        """Time until a message that is not urgent may be sent and a pulse can still follow
+        [ns].
+        """
         self._fill(now_ns)
         rate = self.bytes_s(now_ns)
         lacking = max(0.0, room_bytes - PULSE_WAIT_S * rate) - self._tokens

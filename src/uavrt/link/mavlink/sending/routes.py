@@ -38,11 +38,13 @@ class Routes:
         links[link] = (since_ns if now_ns - last_ns < FRESH_NS else now_ns, now_ns)
 
     def doubt(self, link: int, now_ns: int) -> None:
-        """Avoid `link` for a while: peers' frames arrive on it, but no answers."""
+        """Avoid `link` for a while, as peers' frames arrive on it but their answers do not."""
         self._doubted_until[link] = now_ns + DOUBT_NS
 
     def link_to(self, peer: Peer, now_ns: int) -> int:
-        """Return the number of the link to a peer: that of its last frame if all are silent."""
+        """Return the number of the link to a peer; if all are silent, the link of its last
+        frame.
+        """
         links = self._heard.get(peer)
         if not links:
             return 0

@@ -73,7 +73,7 @@ class PacedSender:
         return self._queue.rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Add a message source by priority; call `wake` when it has a new message."""
+        """Add a message source with a priority; call `wake` when it has a new message."""
         self._queue.add_source(source, priority)
 
     def put(self, item: Item, priority: Priority) -> None:
@@ -177,7 +177,9 @@ class LinkView:
         return None
 
     def leave(self, given: Item) -> None:
-        """Queue a copy of another link's message; drop the oldest if too many wait."""
+        """Queue a copy of a message that another link sends; drop the oldest copy if too many
+        wait.
+        """
         self._group.copies_dropped += len(self._copies) == COPIES
         self._copies.append(given)
 
@@ -219,7 +221,7 @@ class TunnelSender:
         return self._senders[link].rate
 
     def add_source(self, source: Source, priority: Priority) -> None:
-        """Add a message source by priority; call `wake` when it has a new message."""
+        """Add a message source with a priority; call `wake` when it has a new message."""
         if len(self._senders) == 1:
             self._senders[0].add_source(source, priority)
             return

@@ -1,4 +1,6 @@
-"""Split texts into STATUSTEXT pieces of 50 bytes, join pieces, limit rates; no I/O."""
+"""Split operator texts into STATUSTEXT pieces of 50 bytes, join received pieces, and limit the
+rate of texts; no I/O.
+"""
 
 from uavrt.core.newest import Newest
 from uavrt.core.units import NANOSECONDS_PER_SECOND, ns_from_s
@@ -10,7 +12,7 @@ TEXTS_A_SECOND = 0.5
 TEXTS_KNOWN = 64
 REPEAT_NS = ns_from_s(10.0)
 MAX_CHUNKS = 8
-"""Largest number of pieces per text (400 bytes); more would block a radio."""
+"""Largest number of STATUSTEXT pieces per text (400 bytes); more would block a radio."""
 
 
 def chunks_of(text: str, severity: int, text_id: int) -> list[Statustext]:

@@ -69,7 +69,9 @@ def _asked_message(message: dialect.CommandLong | dialect.CommandInt) -> int | N
 
 
 def _identity(message_id: int, uptime_ms: int, able: int) -> Message | None:
-    """Return the message with this id, version or (`able`) capabilities, else None."""
+    """Return the message with this id if it reports version or capabilities (`able`), else
+    None.
+    """
     match message_id:
         case dialect.AutopilotVersion.ID:
             return dialect.AutopilotVersion(

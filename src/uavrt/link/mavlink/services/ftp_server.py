@@ -47,12 +47,14 @@ T = TypeVar("T")
 
 BURST_S = 0.5
 MOST_BURST_BYTES = 32 * DATA_SIZE
-"""Longest burst of file data [bytes]; its losses show which rate the link carries."""
+"""Longest burst of file data [bytes]. The losses that the client then reports show which rate
+the link can carry."""
 MAX_SESSIONS = 8
 IDLE_NS = ns_from_s(300.0)
 """Time without use after which a client's open file is closed [ns]."""
 GIVES_WAY_NS = ns_from_s(10.0)
-"""Time without use after which an open file may be closed for another client [ns]."""
+"""Time without use after which a client's open file may be closed to open one for another
+client [ns]."""
 MAX_CLIENTS = 16
 WAITING = 32
 

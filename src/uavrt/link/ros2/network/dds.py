@@ -70,27 +70,31 @@ log = get_logger()
 
 DISCOVERY_TOPIC = "ros_discovery_info"
 WRITE_TIMEOUT_MS = 100
-"""Time limit of a write [ms]; as few messages are kept, a write does not wait."""
+"""Time limit of a DDS write [ms]. In practice a write does not wait, because few messages are
+kept."""
 SAMPLE_MB = 4
 """Longest message that DDS assembles from fragments [MB], several times the longest message of
 any topic. The fragments of longer messages are dropped with a warning."""
 READER_DEPTH = 4000
-"""Largest number of messages in a topic's reader: 0.4 s at 10 000 a second."""
+"""Largest number of messages waiting in a topic's reader: 0.4 s at 10 000 a second."""
 PASSES = 3
 """Largest number of passes over all topic readers per round while messages still wait."""
 ANNOUNCED_LIMIT = 2000
 """Largest number of announced participants and publishers that are read at once."""
 SERVICE_DEPTH = 100
 READ_PAUSE_S = 0.02
-"""Pause of the reading thread after each round [s], so floods are read in bulk."""
+"""Pause of the DDS reading thread after each round [s]; during a flood it reads many messages
+at once."""
 ORDER_OF_USE = {
     "store_tag_information": 0,
     "store_coded_tag_information": 0,
     "release_tag_information": 1,
 }
-"""Order of messages of one time stamp: tags, the upload's end, a start command."""
+"""Order in which messages with the same time stamp are handled: tags, then the end of the
+upload, then a start command."""
 GOODBYE_S = 0.2
-"""Longest wait for others to acknowledge the empty list of nodes at the end [s]."""
+"""Longest wait at shutdown until other participants have acknowledged the empty list of nodes
+[s]."""
 
 
 Reach = Literal["interfaces", "computer", "off"]
@@ -156,7 +160,9 @@ def _plain_type(primitive: str) -> Any:
 
 
 def domain_id_of(settings: Ros2Settings, environment: Mapping[str, str]) -> int:
-    """ROS domain of the settings, else of ROS_DOMAIN_ID, else 0; may raise `ConfigError`."""
+    """Return the number of the ROS domain: from the settings, otherwise from ROS_DOMAIN_ID,
+    otherwise 0. Raises `ConfigError` for an invalid number.
+    """
     if settings.domain_id is not None:
         return settings.domain_id
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"

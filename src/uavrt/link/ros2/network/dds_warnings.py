@@ -27,7 +27,7 @@ class DdsWarnings:
             os.unlink(self.path)
 
     def too_long(self) -> list[str]:
-        """Return the topics of messages dropped as too long since the last call."""
+        """Return the DDS topics of messages dropped as too long since the last call."""
         data = os.pread(self._descriptor, 1 << 16, self._at)
         whole = data[: data.rfind(b"\n") + 1]
         self._at += len(whole)

@@ -74,7 +74,10 @@ Decoders = dict[tuple[int, int], Decoder]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandMessage:
-    """A command with its row's fields (`core.commands`), C-aligned; older ones have fewer."""
+    """A command with the fields of its row (`uavrt.core.commands`), aligned as in C.
+
+    Older senders lack fields at the end.
+    """
 
     GENERATION: ClassVar[Generation]
     HEAD: ClassVar[tuple[str, ...]] = ("command",)

@@ -49,7 +49,8 @@ class ToDrone:
     inside: int
     """Number that identifies this kind of message inside a sealed message."""
     payload_type: int | None = None
-    """Payload type of the unsealed message; None if only the sealed one is accepted."""
+    """Payload type of the unsealed message; None if the message is only accepted sealed
+    (authenticated)."""
     answers: int = 0
     """Number of messages that the drone sends in answer, used to limit unsealed requests."""
 

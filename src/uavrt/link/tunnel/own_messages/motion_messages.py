@@ -46,7 +46,8 @@ _FURTHER = struct.Struct("<hh")
 _FINE, _COARSE = 1e-7, 2e-6
 _MOST = 1e6
 MAX_PLACES = 20
-"""Largest number of positions in an order, limited by a seal's 108 bytes."""
+"""Largest number of positions in a motion order, limited by the 108 bytes of a sealed message.
+"""
 MAX_TEXT = 108
 MOTION_ACTIONS: tuple[MotionAction, ...] = (
     "rotate",

@@ -38,7 +38,9 @@ Place = tuple[float, float]
 
 
 def encode_course(course: Course, most: int = MAX_COURSE) -> bytes:
-    """Encode place, path and the tags that fit into `most` bytes, or raise `TunnelError`."""
+    """Encode a drone's position, path and as many of its tags as fit into `most` bytes; raises
+    `TunnelError`.
+    """
     here = course.place
     latitude, longitude = here
     asked = course.requested_leg or (here, here)

@@ -26,10 +26,10 @@ MOTION_TYPE, MOTION_STATE_TYPE = 60_005, 60_006
 PROVEN_STATE_TYPE = 60_011
 """Payload type of an answer to a sealed motion order (`own_messages.seal`)."""
 COURSE_TYPE, NEIGHBOUR_TYPE = 60_009, 60_010
-"""Payload types of joint searches (`own_messages.neighbour_messages`)."""
+"""Payload types for drones that search together (`own_messages.neighbour_messages`)."""
 MAX_HASHES = 15
 MAX_SEALED_HASHES = 12
-"""Largest number of pulse hashes in a sealed receipt of 108 bytes."""
+"""Largest number of pulse hashes in a sealed receipt, which has at most 108 bytes."""
 _LAYOUT = Layout(
     "a receipt",
     "version:B hashes#:B :2x store:I hashes*:Q",

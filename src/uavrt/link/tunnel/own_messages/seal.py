@@ -121,7 +121,10 @@ def _proof(state: bytes, key: Key, session: Session, station: Ids) -> bytes:
 
 
 def keepalive_content(nonce: int, *, files: bool = False) -> bytes:
-    """Content of a keepalive; with `files`, files are sent quickly in detection too."""
+    """Make the content of a keepalive before sealing; the drone sends its nonce back.
+
+    With `files`, the drone answers the station's file requests quickly even during detection.
+    """
     return _ALIVE.pack(nonce, files)
 
 

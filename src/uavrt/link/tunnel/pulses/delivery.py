@@ -9,9 +9,11 @@ from uavrt.core.messages import PulseKey
 from uavrt.core.newest import Newest
 
 REMEMBERED = 500
-"""Number of remembered recorded pulses, to ignore repeated reports: 20 s, 50 kB."""
+"""Number of recorded pulses that are remembered, so that repeated reports are ignored: 20 s at
+25 pulses per second, or 50 kB."""
 MOST_UNRECORDED = 20_000
-"""Largest number of sent pulses kept until the recorder, maybe restarting, confirms."""
+"""Largest number of sent pulses that are kept until the recorder confirms them; it may be
+restarting."""
 
 
 class PulseDelivery:

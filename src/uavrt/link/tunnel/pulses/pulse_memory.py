@@ -26,7 +26,7 @@ PROBES, PROBE_NS = 4, ns_from_s(1.0)
 """Largest number of probes at once; time to the next [ns]. A probe repeats a pulse for stations
 that never acknowledged. At 40 % loss each way, one of four is answered in five cases of six."""
 MOST_PROBES = 64
-"""Largest number of pulses kept only for stations that never acknowledged one."""
+"""Largest number of pulses in memory only for stations that never acknowledged one."""
 CAPACITY = 2048
 """Largest number of pulses in memory, about 4 MB; further pulses stay on disk."""
 REFILL_AT = 256
@@ -191,7 +191,9 @@ class PulseMemory(Generic[T]):
         self._sent_plain.append(entry.pulse)
 
     def sent_plain(self) -> list[ItemKey]:
-        """Return the pulses sent since the last call only to stations without receipts."""
+        """Return the pulses that were sent, since the last call, only to stations that do not
+        acknowledge.
+        """
         done, self._sent_plain = self._sent_plain, []
         return done
 

@@ -16,11 +16,13 @@ from uavrt.link.tunnel.generations.wire import Ids
 PLAIN = 0
 """Store number that stands for all ground stations that do not acknowledge pulses."""
 MOST_STORES = 8
-"""Largest number of stations that get all pulses, as numbers can be invented."""
+"""Largest number of ground stations that get all pulses; a limit is needed because store
+numbers can be invented."""
 NEW_STORES, NEW_STORES_PER_S = 4, 0.1
 """Number of new ground stations accepted at once, and per second."""
 STORE_SILENCE_NS = ns_from_s(10.0)
-"""Time without receipts after which a station is removed [ns]; the disk has all."""
+"""Time without receipts after which a ground station is removed [ns]; its pulses stay on disk.
+"""
 UNRESPONSIVE_SENDS = 64
 UNRESPONSIVE_NS = ns_from_s(10.0)
 """Time without an acknowledgement after which a ground station is ignored [ns], if at least
@@ -132,7 +134,10 @@ class Stores:
         return self._stores.pop(number)
 
     def on_disk(self, *, unconfirmed: bool) -> int | None:
-        """A station that may lack pulses on disk, or None; `unconfirmed`: even if unproven."""
+        """Number of a ground station that may lack pulses on disk; None without any.
+
+        With `unconfirmed`, also a station that has never acknowledged a pulse.
+        """
         for number, store in self._stores.items():
             if store.on_disk and (store.acknowledges or unconfirmed):
                 return number

@@ -20,12 +20,14 @@ REORDERING = 3
 BACKOFF = 1.5
 MAX_BACKOFF = 4.0
 DONE = 256
-"""Number of acknowledged pulses remembered for other stations' receipts."""
+"""Number of acknowledged pulses that are remembered, since another station may acknowledge them
+later."""
 
 ItemKey = tuple[int, int]
 """Tag id and start time [ns, UTC] of a pulse."""
 EntryKey = ItemKey | tuple[int, int, int]
-"""Key of a message: tag id, start time, and a third number for single pulses."""
+"""Key of a message in memory: tag id and start time of a pulse, and a third number if the
+message holds a burst's single pulses."""
 
 
 class RoundTrips:
@@ -61,7 +63,8 @@ class Entry(Generic[T]):
     inside: bytes | None = None
     """Payload with a burst's single pulses; None for a pulse message."""
     live: bool = True
-    """True for a new pulse, for all stations; False: read from disk for one station."""
+    """True for a new pulse, which all stations get; False for a pulse that was read from disk
+    for one station."""
     state: Literal["waiting", "sent"] = "waiting"
     sent_ns: int = 0
     order: int = 0
