@@ -29,7 +29,7 @@ def constants(
     seed
         Seed of everything random.
     only
-        Groups, records or constants, e.g. TRACK,COMMON.contradiction; by default all.
+        Groups, records or constants, e.g. "TRACK;LEVELS, scatter"; by default all.
     judges
         Only simulations whose names begin so, e.g. "turn;six bearings".
     singly
@@ -39,19 +39,28 @@ def constants(
     """
     from uavrt.core.errors import UsageError
     from uavrt_experiments.constants import screening
+    from uavrt_experiments.constants.judges import JUDGES
     from uavrt_experiments.constants.report import kinds_line, table
     from uavrt_experiments.measured import measured_now
 
     if output is not None:
         check_place(output, overwrite=True)
-    chosen = screening.chosen(None if only is None else only.split(","), singly=singly)
-    if not chosen:
-        raise UsageError(
-            f"there is no tuned constant {only}",
-            remedy=f"Choose from {', '.join(screening.groups())}",
-        )
+    asked = None if only is None else [one.strip() for one in only.split(";")]
+    for one in asked or ():
+        if not screening.chosen([one], singly=singly):
+            raise UsageError(
+                f"there is no tuned constant {one}",
+                remedy=f"Choose from {'; '.join(screening.groups())}",
+            )
+    chosen = screening.chosen(asked, singly=singly)
+    names = () if judges is None else [one.strip() for one in judges.split(";")]
+    for one in names:
+        if not any(judge.startswith(one) for judge in JUDGES):
+            raise UsageError(
+                f"there is no simulation whose name begins with {one}",
+                remedy=f"Choose from {'; '.join(JUDGES)}",
+            )
     measured = measured_now(("localization",))
-    names = () if judges is None else judges.split(";")
 
     def shown(one: screening.Screened) -> None:
         print(f"{one.name}: {one.verdict}", *one.largest(3), sep="\n    ", file=sys.stderr)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from uavrt.core.errors import UsageError
 from uavrt_experiments.detection.cases import Experiment
 from uavrt_experiments.integrate.cost import I5
 from uavrt_experiments.integrate.false_alarms import I1
@@ -34,8 +35,16 @@ def run_all(
     `seed`: seeds everything random, with a case's name and a flight's number.
     `case`: only cases with this in their names.
     `on_progress`: receives the share done, by expected CPU time, and the last case.
+
+    Raises `UsageError` if there is no such case.
     """
-    chosen = [(e, one) for e in experiments for one in e.cases if case in one.name]
+    pairs = [(e, one) for e in experiments for one in e.cases]
+    chosen = [(e, one) for e, one in pairs if case in one.name]
+    if not chosen:
+        raise UsageError(
+            f'no case has "{case}" in its name',
+            remedy=f"Choose from {'; '.join(one.name for _, one in pairs)}",
+        )
     total = sum(one.count(trials) * one.seconds for _, one in chosen) or 1.0
     done, rows = 0.0, []
     for experiment, one in chosen:

@@ -1,11 +1,13 @@
 """Constants of localization by kind, and the screening that changes them."""
 
 from collections import Counter
+from typing import Any
 
 import pytest
 
 from uavrt.core.errors import UsageError
 from uavrt.localization import tuning
+from uavrt_experiments.commands import constants as command
 from uavrt_experiments.constants.changes import TUNED, change, constants, records_of, scaled
 from uavrt_experiments.constants.report import kinds_line
 from uavrt_experiments.constants.screening import Screened, chosen, effects, groups
@@ -59,3 +61,17 @@ def test_an_effect_within_its_error_does_not_matter() -> None:
 def test_an_unknown_constant_is_refused() -> None:
     with pytest.raises(UsageError, match=r"there is no constant LEVELS\.exponents"):
         change(["LEVELS.exponents"], 1.3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"only": "PATTERN;PATERN"}, "there is no tuned constant PATERN"),
+        ({"judges": "turn;nobody"}, "there is no simulation whose name begins with nobody"),
+    ],
+)
+def test_a_name_that_nothing_has_is_refused_before_anything_is_flown(
+    asked: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(UsageError, match=message):
+        command.constants(**asked)

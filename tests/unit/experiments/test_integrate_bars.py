@@ -146,6 +146,11 @@ def test_the_command_prints_and_files_its_table(
     assert [line["experiment"] for line in lines] == ["I2"]
 
 
+def test_a_case_that_no_experiment_has_is_named() -> None:
+    with pytest.raises(UsageError, match='no case has "13 dB" in its name'):
+        integrate(trials=1, only="I8", case="13 dB")
+
+
 def test_an_unknown_experiment_is_named() -> None:
     with pytest.raises(UsageError, match="no experiment I9"):
         integrate(only="I9")

@@ -100,10 +100,10 @@ class SearchTuning:
     stretches."""
     lags: Resolution[tuple[int, ...]] = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
     """Lags at which the correlation of a frequency's slot energies is computed [slots]."""
-    # Trains of strong pulses: hypotheses for each cell of marks, so many that they cause only
-    # 2 % of the false alarms, minimum number of marks, share of the best log probability above
-    # which another train may have the same marks, and weight for central slots, below that of
-    # any mark.
+    # Trains of strong pulses: hypotheses for each cell of marks, chosen such that these trains
+    # cause 2 % of the false alarms, minimum number of marks, share of the best log probability
+    # above which another train may have the same marks, and weight for central slots, below
+    # that of any mark.
     loud_hypotheses: float = 75.0
     least_marks: Guard[int] = 4
     same_marks_share: float = 0.95
